@@ -1,4 +1,4 @@
-# programs: bench_network_step bench_learned_dynamics bench_policy_search bench_local_models bench_distill bench_imitate bench_simulator
+# programs: bench_network_step bench_learned_dynamics bench_policy_search bench_local_models bench_imitate bench_simulator
 """./dev bench learned: what is learnt rather than derived: forces, policies, costs, posteriors of black boxes.
 
     ./dev bench learned                          every section that this build has
@@ -10,7 +10,7 @@ Sections:
     dynamics    learned forces on data in which something without a name is hidden (bench_learned_dynamics)
     policies    policy search with moment matching: the paper's pendulum and cart-pole (bench_policy_search)
     local       local linear models with a prior, against none; guided policies (bench_local_models)
-    distill     small policies beside the planners that taught them (bench_distill)
+    distill     small policies beside the planners that taught them (distill_rows.py, on JAX)
     imitate     costs from demonstrations (bench_imitate)
     simulator   posteriors of black-box simulators (bench_simulator); MuJoCo is installed on first use
 
@@ -35,13 +35,13 @@ import sys
 from _driver import HOME, ONE_THREAD, PEERS, ROOT, need_environment, note, python_of, run_table, summary
 
 PROGRAMS = {"step": "bench_network_step", "dynamics": "bench_learned_dynamics", "policies": "bench_policy_search",
-            "local": "bench_local_models", "distill": "bench_distill", "imitate": "bench_imitate",
+            "local": "bench_local_models", "imitate": "bench_imitate",
             "simulator": "bench_simulator"}
 
 
 def parse(arguments):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("section", nargs="?", choices=[*PROGRAMS, "dynamics-peers"])
+    parser.add_argument("section", nargs="?", choices=[*PROGRAMS, "distill", "dynamics-peers"])
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--build", type=pathlib.Path, default=ROOT / "build/release")
     args, rest = parser.parse_known_args([a for a in arguments if a != "--"])
@@ -86,6 +86,10 @@ def main():
         need_mujoco()
     if args.section == "dynamics-peers":
         return dynamics_peers(args)
+    if args.section == "distill":
+        package = {"PYTHONPATH": str(args.build / "python_package")}
+        return subprocess.run([sys.executable, ROOT / "bench/learned/distill_rows.py", *args.rest], cwd=ROOT,
+                              env=dict(os.environ, **package), check=False).returncode
     rows, good = [], True
     for section in [args.section] if args.section else PROGRAMS:
         program = args.build / "bench" / PROGRAMS[section]

@@ -65,8 +65,8 @@ def report(name, rows):
     print(f"  the same over the robot file's own planner {policy / own:7.3f}")
     print(f"  median of the draws' ratios               {statistics.median(ratios):8.3f}")
     print(f"  worst draw's ratio                        {max(ratios):8.3f}")
-    print(f"  draws that end in SAFE: policy, teacher, own planner   {[int(sum(r[i] for r in rows)) for i in (5, 4, 6)]}",
-          flush=True)
+    print("  draws that end in SAFE: policy, teacher, own planner  ",
+          [int(sum(r[i] for r in rows)) for i in (5, 4, 6)], flush=True)
 
 
 def main():
@@ -79,7 +79,8 @@ def main():
     a = parser.parse_args()
     a.csv.parent.mkdir(parents=True, exist_ok=True)
     for name in [a.robot] if a.robot else TASKS:
-        report(name, draws(name, name + "_quick" * a.quick, a.seeds or (3 if a.quick else 50), a.quick, a.threads, a.csv))
+        seeds = a.seeds or (3 if a.quick else 50)
+        report(name, draws(name, name + "_quick" * a.quick, seeds, a.quick, a.threads, a.csv))
     return 0
 
 

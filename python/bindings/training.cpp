@@ -2,7 +2,6 @@
 // reads. The package's laboratories call this; it checks sizes, not more.
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
-#include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
 
 #include <cmath>
@@ -44,16 +43,21 @@ nb::object copied(const double* data, std::initializer_list<std::size_t> shape) 
   return nb::cast(nb::ndarray<nb::numpy, double>(values, shape.size(), shape.begin(), owner));
 }
 
-std::unique_ptr<PlannerAlone> make_planner(const Robot& robot) {
-  std::string error;
-  auto planner = PlannerAlone::make(robot->config, error);
-  if (!planner) raise_robot_file(robot->path + ": " + error);
-  return planner;
-}
+/// With the robot file to whose networks the planner points.
+struct Planner {
+  explicit Planner(const Robot& of) : robot(of) {
+    std::string error;
+    alone = PlannerAlone::make(of->config, error);
+    if (!alone) raise_robot_file(of->path + ": " + error);
+  }
+  Robot robot;
+  std::unique_ptr<PlannerAlone> alone;
+};
 
 /// (command (nu), gain (nu, nx) or None); None: no finite plan.
-nb::object plan(PlannerAlone& planner, const Numbers& x, const Numbers& effect_state, const Numbers& params,
+nb::object plan(Planner& held, const Numbers& x, const Numbers& effect_state, const Numbers& params,
                 const Numbers& mean, const Numbers& sd, const Numbers& last, std::uint64_t step) {
+  PlannerAlone& planner = *held.alone;
   const tiller_config_t& c = planner.config();
   const std::size_t nx = c.model->state_count, nu = c.model->input_count, np = c.param_count;
   need(x, nx, "x");
@@ -170,10 +174,11 @@ nb::dict number_settings(const std::optional<std::string>& planner) {
 }  // namespace
 
 void bind_training(nb::module_& m) {
-  nb::class_<PlannerAlone>(m, "PlannerAlone", "A planner of the runtime under beliefs that the caller makes up.")
-      .def(nb::new_(&make_planner), "robot"_a)
-      .def("reset", &PlannerAlone::reset, "The next plan is a task's first.")
-      .def_prop_ro("hypotheses", &PlannerAlone::hypotheses)
+  nb::class_<Planner>(m, "PlannerAlone", "A planner of the runtime under beliefs that the caller makes up.")
+      .def(nb::init<const Robot&>(), "robot"_a)
+      .def(
+          "reset", [](Planner& p) { p.alone->reset(); }, "The next plan is a task's first.")
+      .def_prop_ro("hypotheses", [](const Planner& p) { return p.alone->hypotheses(); })
       .def("plan", &plan, "x"_a, "effect_state"_a, "params"_a, "mean"_a, "sd"_a, "last"_a, "step"_a,
            "(command (nu), feedback gain (nu, nx) or None) for a state, params (hypotheses, np), their mean and sd; "
            "None: no finite plan.");

@@ -34,7 +34,10 @@ def edited(*changes):
     return text
 
 
-HOLD = edited(("[start]\n", "[start]\nstate = { angle_rad = 3.0 }\n"))  # upright under ilqr: taught in a second
+# near upright under ilqr: taught in a second
+HOLD = edited(("[start]\n", "[start]\nstate = { angle_rad = 3.0 }\n"), ("horizon = 75", "horizon = 30"),
+              ("particles = 8", "particles = 1"), ("knots = 10\n", ""),
+              ("sd = { angle_rad = 0.01, rate_rad_s = 0.01 }", "sd = { angle_rad = 0.1, rate_rad_s = 0.3 }"))
 
 
 def test_prior_moments_are_those_of_the_prior():

@@ -1,4 +1,4 @@
-"""tiller tune: numbers in a robot file's text, ranges, the search, the log, and the command on a badly tuned pendulum."""
+"""tiller tune: numbers in a robot file, ranges, the search, the log, and the command on a badly tuned pendulum."""
 import math
 import resource
 import signal
@@ -110,7 +110,8 @@ def turned(x):
 def chained(x):
     d = len(x)
     off = [v - 0.6 for v in x]
-    return -sum(100 ** (i / (d - 1)) * ((off[i] + off[(i + 1) % d]) / math.sqrt(2) + 0.3 * off[i]) ** 2 for i in range(d))
+    return -sum(100 ** (i / (d - 1)) *
+                ((off[i] + off[(i + 1) % d]) / math.sqrt(2) + 0.3 * off[i]) ** 2 for i in range(d))
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

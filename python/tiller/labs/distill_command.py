@@ -48,7 +48,8 @@ def add(one: argparse.ArgumentParser) -> None:
     one.epilog = EPILOG
     one.add_argument("robot", metavar="ROBOT", help="robot file (.toml)")
     one.add_argument("-o", "--out", type=Path, required=True, help="the policy (.json)")
-    one.add_argument("--teacher", default="", help="planner that answers, with its settings in ROBOT (default: its kind)")
+    one.add_argument("--teacher", default="",
+                     help="planner that answers, with its settings in ROBOT (default: its kind)")
     one.add_argument("--as-it-is", action="store_true", help="a sampling teacher with ROBOT's rollouts and iterations, "
                      "and not in closed loop")
     one.add_argument("--hidden", type=_widths, default=o.hidden, metavar="A,B",

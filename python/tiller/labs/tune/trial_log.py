@@ -81,8 +81,8 @@ class TrialLog:
             try:
                 self.trials.append(_read_row(line, number, keys, self._seeds))
             except ValueError:
-                raise Error(f"{self.path}: trial {number} cannot be read; cut the file off before it, and --resume goes "
-                            "on from there") from None
+                raise Error(f"{self.path}: trial {number} cannot be read; cut the file off before it, and --resume "
+                            "goes on from there") from None
         self._bytes = len((head + "".join(row + "\n" for row in rows)).encode())
         os.ftruncate(self._file, self._bytes)
 
