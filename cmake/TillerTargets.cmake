@@ -290,8 +290,8 @@ function(tiller_test name)
     GTest::gtest GTest::gtest_main)
   tiller_precompile(${name} tiller_test_headers "<gtest/gtest.h>" GTest::gtest_main)
   add_test(NAME ${name} COMMAND ${name} ${ARG_ARGS})
-  if(NOT ARG_TIMEOUT)
-    set(ARG_TIMEOUT 300)
+  if(NOT ARG_TIMEOUT) # ten times the longest of them on a quiet machine: a busy one fails no test
+    set(ARG_TIMEOUT 900)
   endif()
   if(CMAKE_CROSSCOMPILING_EMULATOR OR TILLER_SANITIZE OR TILLER_COVERAGE) # some twenty times slower
     math(EXPR ARG_TIMEOUT "10 * ${ARG_TIMEOUT}")

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/bits.hpp"
 #include "posterior/discrepancy_basis.hpp"
 
 namespace tiller {
@@ -12,12 +13,6 @@ namespace {
 constexpr std::uint16_t kKinds[kDiscrepancyBasis] = {tiller_effect_viscous_friction, tiller_effect_coulomb_friction,
                                                      tiller_effect_constant_offset};
 
-std::uint32_t bits(std::uint32_t set) {
-  std::uint32_t count = 0;
-  for (; set != 0; set &= set - 1) ++count;
-  return count;
-}
-
 /// What of a friction is sure: a plan that counts on more would be late where there is less.
 double sure(double mean, double sd) { return std::fmax(0.0, mean - sd); }
 
@@ -26,7 +21,7 @@ double sure(double mean, double sd) { return std::fmax(0.0, mean - sd); }
 PlannedForces::PlannedForces(const tiller_config_t& config, const StepSetup& setup)
     : first_param_(config.param_count), period_s_(config.period_s), setup_(setup) {
   const std::uint32_t slips = Posterior::slip_states(config), joints = Posterior::force_joints(config);
-  const std::uint32_t count = slips != 0 ? bits(slips) : joints;
+  const std::uint32_t count = slips != 0 ? bit_count(slips) : joints;
   kinds_ = slips == 0 && joints <= kDiscrepancyJoints ? kDiscrepancyBasis : 1;
   if (count == 0 || setup.effect_count + kinds_ * joints > TILLER_MAX_EFFECTS ||
       config.param_count + (kinds_ + 1) * count + 2 > TILLER_MAX_PARAMS)

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "core/bits.hpp"
 #include "posterior/filter/filter_posterior.hpp"
 
 namespace tiller {
@@ -47,17 +48,11 @@ std::uint64_t sensor_rows(const tiller_config_t& config) {
   return rows;
 }
 
-std::uint32_t bits(std::uint64_t set) {
-  std::uint32_t count = 0;
-  for (; set != 0; set &= set - 1) ++count;
-  return count;
-}
-
 /// Parameters that a bank of filters (jumps.cpp) has as states: those that drift, and of the others as many as there is
 /// room for. What a filter takes for known it makes up for in what may change.
 std::uint64_t bank_params(const tiller_config_t& config, std::uint32_t room) {
   std::uint64_t chosen = config.posterior.drift;
-  for (std::uint32_t i = 0; i < config.param_count && bits(chosen) < room; ++i)
+  for (std::uint32_t i = 0; i < config.param_count && bit_count(chosen) < room; ++i)
     if (config.priors[i].kind != tiller_prior_fixed) chosen |= (std::uint64_t{1} << i) & ~sensor_rows(config);
   return config.posterior.drift != 0 ? chosen : 0;
 }
@@ -311,7 +306,7 @@ tiller_status_t check_drift(const tiller_config_t& config, const StepSetup& /*se
   for (std::uint32_t i = 0; i < config.param_count; ++i)
     if (config.priors[i].kind != tiller_prior_fixed) may |= std::uint64_t{1} << i;
   may &= ~sensor_rows(config);
-  if ((config.posterior.drift & ~may) == 0 && bits(config.posterior.drift) <= TILLER_MAX_DRIFTS)
+  if ((config.posterior.drift & ~may) == 0 && bit_count(config.posterior.drift) <= TILLER_MAX_DRIFTS)
     return tiller_status_ok;
   *field = "posterior.drift";
   return tiller_status_bad_posterior;
