@@ -1,8 +1,8 @@
-# programs: bench_network_step bench_learned_dynamics bench_policy_search bench_local_models bench_distill bench_simulator
+# programs: bench_network_step bench_learned_dynamics bench_policy_search bench_local_models
 """./dev bench learned: what is learnt rather than derived: forces, policies, costs, posteriors of black boxes.
 
     ./dev bench learned                          every section that this build has
-    ./dev bench learned simulator --seeds 5      one section; what follows goes to its program
+    ./dev bench learned policies --seeds 5       one section; what follows goes to its program
     ./dev bench learned --quick                  a fixed small part
 
 Sections:
@@ -10,9 +10,9 @@ Sections:
     dynamics    learned forces on data in which something without a name is hidden (bench_learned_dynamics)
     policies    policy search with moment matching: the paper's pendulum and cart-pole (bench_policy_search)
     local       local linear models with a prior, against none; guided policies (bench_local_models)
-    distill     small policies beside the planners that taught them (bench_distill)
-    imitate     costs from demonstrations (bench/learned/imitate_rows.py, in Python: needs the extra labs)
-    simulator   posteriors of black-box simulators (bench_simulator); MuJoCo is installed on first use
+    distill     small policies beside the planners that taught them (distill_rows.py, on JAX)
+    imitate     costs from demonstrations (imitate_rows.py, on JAX)
+    simulator   posteriors of black-box simulators beside exact ones (labs_rows.py, on JAX)
 
 Only by name, since it installs torch:
     dynamics-peers   the data of `dynamics`, learnt by PETS' ensemble (mbrl-lib) and by GPyTorch
@@ -35,12 +35,13 @@ import sys
 from _driver import HOME, ONE_THREAD, PEERS, ROOT, need_environment, note, python_of, run_table, summary
 
 PROGRAMS = {"step": "bench_network_step", "dynamics": "bench_learned_dynamics", "policies": "bench_policy_search",
-            "local": "bench_local_models", "distill": "bench_distill", "simulator": "bench_simulator"}
+            "local": "bench_local_models"}
+SCRIPTS = {"distill": "distill_rows.py", "imitate": "imitate_rows.py", "simulator": "labs_rows.py"}
 
 
 def parse(arguments):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("section", nargs="?", choices=[*PROGRAMS, "imitate", "dynamics-peers"])
+    parser.add_argument("section", nargs="?", choices=[*PROGRAMS, *SCRIPTS, "dynamics-peers"])
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--build", type=pathlib.Path, default=ROOT / "build/release")
     args, rest = parser.parse_known_args([a for a in arguments if a != "--"])
@@ -48,12 +49,6 @@ def parse(arguments):
         parser.error(f"'{' '.join(rest)}' goes to a program: name its section first")
     args.rest = rest + (["--quick"] if args.quick else [])
     return args
-
-
-def need_mujoco():
-    """Hands bench_simulator a Python that has MuJoCo; without one its machines are left out, which it says."""
-    if "TILLER_MUJOCO_PYTHON" not in os.environ and need_environment("mujoco"):
-        os.environ["TILLER_MUJOCO_PYTHON"] = str(python_of("mujoco"))
 
 
 def dynamics_peers(args):
@@ -78,24 +73,22 @@ def dynamics_peers(args):
     return done.returncode
 
 
-def imitate(args):
-    """Demonstrations are learnt from in Python; every seed is a line of build/imitate_rows.csv."""
-    script = ROOT / "bench/learned/imitate_rows.py"
+def script(args, section):
+    """A laboratory's bench in Python: `./dev setup` installs what it needs. It keeps a line for each seed."""
+    path = ROOT / "bench/learned" / SCRIPTS[section]
     paths = os.pathsep.join(filter(None, (str(args.build / "python_package"), os.environ.get("PYTHONPATH"))))
-    print(f"\n==== imitate: {script.name} {' '.join(args.rest)}", flush=True)
-    return subprocess.run([sys.executable, script, *args.rest], cwd=ROOT,
+    print(f"\n==== {section}: {path.name} {' '.join(args.rest)}", flush=True)
+    return subprocess.run([sys.executable, path, *args.rest], cwd=ROOT,
                           env=dict(os.environ, PYTHONPATH=paths, **ONE_THREAD), check=False).returncode
 
 
 def main():
     args = parse(sys.argv[1:])
     HOME.mkdir(parents=True, exist_ok=True)
-    if args.section in (None, "simulator") and not args.quick:
-        need_mujoco()
     if args.section == "dynamics-peers":
         return dynamics_peers(args)
-    if args.section == "imitate":
-        return imitate(args)
+    if args.section in SCRIPTS:
+        return script(args, args.section)
     rows, good = [], True
     for section in [args.section] if args.section else PROGRAMS:
         program = args.build / "bench" / PROGRAMS[section]
@@ -107,7 +100,7 @@ def main():
     (HOME / "learned.json").write_text(json.dumps(rows, indent=1), encoding="utf-8")
     note(f"rows: {HOME / 'learned.json'}")
     if not args.section:
-        good = imitate(args) == 0 and good
+        good = all([script(args, section) == 0 for section in SCRIPTS]) and good
     return 0 if good else 1
 
 

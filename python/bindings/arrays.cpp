@@ -116,6 +116,11 @@ std::int64_t read_count(nb::handle from, const ArgumentName& name, std::int64_t 
   return value;
 }
 
+std::optional<std::uint64_t> read_seed(nb::handle from, const ArgumentName& name) {
+  if (from.is_none()) return std::nullopt;
+  return static_cast<std::uint64_t>(read_count(from, name, 0, std::int64_t{1} << 53));
+}
+
 bool read_flag(nb::handle from, const ArgumentName& name) {
   if (!PyBool_Check(from.ptr()))
     raise_argument(name.function, name.argument, show(from), "True or False", "pass one of them", true);

@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 
 #include "errors.hpp"
@@ -31,6 +32,9 @@ double read_number(nb::handle from, const ArgumentName& name, const std::string&
 
 /// A whole number from `low` to `high`.
 std::int64_t read_count(nb::handle from, const ArgumentName& name, std::int64_t low, std::int64_t high);
+
+/// A seed, or none.
+std::optional<std::uint64_t> read_seed(nb::handle from, const ArgumentName& name);
 
 bool read_flag(nb::handle from, const ArgumentName& name);
 

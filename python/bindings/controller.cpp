@@ -129,12 +129,13 @@ void set_reference(Controller& c, const std::optional<Rows>& states, const std::
   c.output_rows().swap(output_rows);
 }
 
-void make(Controller* at, nb::handle robot, nb::handle threads, nb::handle by_clock, const nb::args& more,
-          const nb::kwargs& others) {
-  refuse_more("Controller", "robot, threads=1, by_clock=False", more, others);
+void make(Controller* at, nb::handle robot, nb::handle threads, nb::handle by_clock, nb::handle seed,
+          const nb::args& more, const nb::kwargs& others) {
+  refuse_more("Controller", "robot, threads=1, by_clock=False, seed=None", more, others);
   const Robot& of = read_robot(robot, "Controller");
   const auto count = static_cast<unsigned>(read_count(threads, {"Controller", "threads"}, 1, 256));
-  new (at) Controller(of, count, read_flag(by_clock, {"Controller", "by_clock"}));
+  const bool clock = read_flag(by_clock, {"Controller", "by_clock"});
+  new (at) Controller(of, count, clock, read_seed(seed, {"Controller", "seed"}));
 }
 
 void make_measurement(Measurement* at, nb::handle robot, nb::handle stamp, nb::handle y, nb::handle sequence,
@@ -199,9 +200,10 @@ void bind_controller(nb::module_& m) {
                                     "A controller in a block of memory of its own. One thread at a time.");
   controller
       .def("__init__", &make, "robot"_a.none() = nb::none(), "threads"_a.none() = 1, "by_clock"_a.none() = false,
-           "more"_a, "others"_a,
+           "seed"_a.none() = nb::none(), "more"_a, "others"_a,
            "by_clock: the planner keeps the robot file's deadline_us by the wall clock. Without it the iterations "
-           "alone decide, and the same measurements give the same commands to the last bit.")
+           "alone decide, and the same measurements give the same commands to the last bit. `seed` in the place of the "
+           "robot file's.")
       .def("tick", &tick, "t"_a, "y"_a.none() = nb::none(),
            "One control period at second `t`: sense, learn, plan, gate. y (ny) is what was measured now, NaN for a "
            "missing value; a Measurement where it was read before; None where there is nothing new. Always returns a "

@@ -18,9 +18,10 @@ void parallel_for(void* pool, std::uint32_t n, void (*work)(void*, std::uint32_t
 
 }  // namespace
 
-Host::Host(Robot robot, unsigned threads, bool by_clock)
+Host::Host(Robot robot, unsigned threads, bool by_clock, std::optional<std::uint64_t> seed)
     : robot_(std::move(robot)), config_(robot_->config), pool_(threads) {
   if (!by_clock) config_.planner.deadline_us = 0;
+  if (seed) config_.seed = *seed;
   hooks_.size = sizeof hooks_;
   hooks_.version = TILLER_CONFIG_VERSION;
   hooks_.context = &pool_;

@@ -3,6 +3,7 @@
 #include <atomic>
 #include <cstdlib>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "robot.hpp"
@@ -16,7 +17,8 @@ class Host {
  public:
   /// Raises StatusError with the configuration's field that is at fault. `by_clock`: the planner keeps the deadline of
   /// the robot file; else its iterations alone decide, and the same measurements give the same commands.
-  Host(Robot robot, unsigned threads, bool by_clock);
+  /// `seed`: of its random numbers, in the place of the robot file's.
+  Host(Robot robot, unsigned threads, bool by_clock, std::optional<std::uint64_t> seed);
   Host(const Host&) = delete;
   Host& operator=(const Host&) = delete;
 

@@ -56,6 +56,7 @@ NB_MODULE(_core, m) {
   bind_controller(m);
   bind_plant(m);
   bind_rollout(m);
+  bind_training(m);
 #ifdef TILLER_XLA_FFI
   bind_jax(m);
 #endif

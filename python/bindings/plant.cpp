@@ -21,8 +21,10 @@ using namespace nb::literals;
 
 class Plant {
  public:
-  Plant(const Robot& robot, std::optional<std::uint64_t> seed) : robot_(*robot) {
+  /// `params`: see tools::set_true_params; null: as [sim] has it.
+  Plant(const Robot& robot, std::optional<std::uint64_t> seed, const double* params) : robot_(*robot) {
     if (seed) robot_.sim.seed = *seed;
+    if (params) tools::set_true_params(robot_, params);
     std::string error;
     if (robot_.sim.plant == "model") {
       model_ = tools::ModelPlant::make(robot_, error);
@@ -69,12 +71,13 @@ class Plant {
   volatile std::sig_atomic_t stop_ = 0;
 };
 
-void make(Plant* at, nb::handle robot, nb::handle seed, const nb::args& more, const nb::kwargs& others) {
-  refuse_more("Plant", "robot, seed=None", more, others);
+void make(Plant* at, nb::handle robot, nb::handle seed, nb::handle params, const nb::args& more,
+          const nb::kwargs& others) {
+  refuse_more("Plant", "robot, seed=None, params=None", more, others);
   const Robot& of = read_robot(robot, "Plant");
-  std::optional<std::uint64_t> own;
-  if (!seed.is_none()) own = static_cast<std::uint64_t>(read_count(seed, {"Plant", "seed"}, 0, std::int64_t{1} << 53));
-  new (at) Plant(of, own);
+  std::vector<double> values(of->params.size());
+  if (!params.is_none()) read_numbers(params, {"Plant", "params"}, of->params, Finite::or_nan, values.data());
+  new (at) Plant(of, read_seed(seed, {"Plant", "seed"}), params.is_none() ? nullptr : values.data());
 }
 
 void step(Plant& plant, nb::handle command) {
@@ -106,8 +109,11 @@ nb::object true_state(const Plant& plant) {
 
 void bind_plant(nb::module_& m) {
   nb::class_<Plant>(m, "Plant", "The simulated robot of [sim] (ODE), which stands still until it is stepped.")
-      .def("__init__", &make, "robot"_a.none() = nb::none(), "seed"_a.none() = nb::none(), "more"_a, "others"_a,
-           "`seed` in the place of [sim] seed: of the noise, and of true parameters that are drawn.")
+      .def("__init__", &make, "robot"_a.none() = nb::none(), "seed"_a.none() = nb::none(),
+           "params"_a.none() = nb::none(), "more"_a, "others"_a,
+           "`seed` in the place of [sim] seed: of the noise, and of true parameters that are drawn. `params` (np): the "
+           "true parameters and effects in the place of what [sim] says of them; NaN: as [sim] has it. Without a [sim] "
+           "the plant is then the model.")
       .def_prop_ro("measurement", &Plant::measurement, "What the sensors say now, stamped, for Controller.tick.")
       .def("step", &step, "command"_a, "One control period under a Command or an array (nu), held.")
       .def_prop_ro("time_s", &Plant::time_s, "Since the start.")

@@ -87,12 +87,16 @@ nb::dict priors(const Robot& robot) {
   return d;
 }
 
-double stage_cost(const Robot& robot, nb::handle x, nb::handle u, nb::handle step) {
+double stage_cost(const Robot& robot, nb::handle x, nb::handle u, nb::handle step, nb::handle params) {
+  std::vector<double> values(robot->params.size());
   double state[TILLER_MAX_STATES], input[TILLER_MAX_INPUTS];
   read_numbers(x, {"Robot.stage_cost", "x"}, robot->states, Finite::all, state);
   read_numbers(u, {"Robot.stage_cost", "u"}, robot->inputs, Finite::all, input);
   const std::int64_t k = read_count(step, {"Robot.stage_cost", "step"}, 0, std::int64_t{1} << 53);
-  return tools::stage_cost(robot->config, static_cast<std::uint64_t>(k), state, input);
+  if (!params.is_none())
+    read_numbers(params, {"Robot.stage_cost", "params"}, robot->params, Finite::all, values.data());
+  return tools::stage_cost(robot->config, static_cast<std::uint64_t>(k), state, input,
+                           params.is_none() ? nullptr : values.data());
 }
 
 template <double* (*Pick)(Config&)>
@@ -158,8 +162,9 @@ void bind_robot(nb::module_& m) {
       .def_prop_ro("target", row<target>(states), "(nx) of the task.")
       .def_prop_ro("input_low", row<input_low>(inputs), "(nu) command limits.")
       .def_prop_ro("input_high", row<input_high>(inputs), "(nu) command limits.")
-      .def("stage_cost", &stage_cost, "x"_a, "u"_a, "step"_a = 0,
-           "The quadratic terms of the task's cost of one step in state x under input u.")
+      .def("stage_cost", &stage_cost, "x"_a, "u"_a, "step"_a = 0, "params"_a = nb::none(),
+           "The quadratic terms of the task's cost of one step in state x under input u; with `params` (np) those of the "
+           "model's outputs too.")
       .def("__repr__", [](const Robot& r) {
         return "<tiller.Robot " + r->name + ": model " + r->model->name + ", " + std::to_string(r->states.size()) +
                " states, " + std::to_string(r->inputs.size()) + " inputs, " + std::to_string(r->params.size()) +

@@ -26,6 +26,7 @@ void bind_robot(nb::module_& m);
 void bind_controller(nb::module_& m);
 void bind_plant(nb::module_& m);
 void bind_rollout(nb::module_& m);
+void bind_training(nb::module_& m);
 void bind_jax(nb::module_& m);  // where XLA's headers are: TILLER_XLA_FFI
 
 }  // namespace tiller::python

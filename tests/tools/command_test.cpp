@@ -30,7 +30,7 @@ TEST_F(Command, HelpTeaches) {
   const Ended top = run({"--help"});
   EXPECT_EQ(top.code, 0);
   EXPECT_TRUE(contains(top.out, "First steps:")) << top.out;
-  for (const char* name : {"demo", "run", "sim", "identify", "excite", "tune", "export", "replay", "check", "size",
+  for (const char* name : {"demo", "run", "sim", "identify", "excite", "export", "replay", "check", "size",
                            "models", "effects", "planners", "help", "version"}) {
     const Ended help = run({name, "--help"});
     EXPECT_EQ(help.code, 0) << name;

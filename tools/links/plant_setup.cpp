@@ -156,6 +156,38 @@ void note_truth(const RobotFile& robot, SimPlant& made) {
 
 }  // namespace
 
+namespace {
+
+/// In the place of every effect of [sim] of this kind that acts there.
+void set_true_effect(RobotFile& robot, const tiller_effect_t& effect, const double* values) {
+  const EffectInfo& info = effect_info(effect.kind);
+  SimEffect truth;
+  truth.kind = info.name;
+  if (info.port != PortKind::body) truth.port = port_name(info.port, *robot.model, effect.port);
+  for (int i = 0; i < info.param_count; ++i) truth.parameters[info.params[i].name] = values[i];
+  auto& all = robot.sim.effects;
+  const auto replaced = [&](const SimEffect& old) {
+    return old.kind == truth.kind && (old.port == truth.port || old.port.empty());
+  };
+  all.erase(std::remove_if(all.begin(), all.end(), replaced), all.end());
+  all.push_back(truth);
+}
+
+}  // namespace
+
+void set_true_params(RobotFile& robot, const double* params) {
+  robot.sim.draw = false;
+  if (robot.sim.line == 0) robot.sim.plant = "model";
+  for (std::uint32_t p = 0; p < robot.model->param_count; ++p)
+    if (!std::isnan(params[p])) robot.sim.parameters[robot.params[p]] = params[p];
+  const double* row = params + robot.model->param_count;
+  for (std::uint32_t e = 0; e < robot.config.effect_count; ++e) {
+    const int count = effect_info(robot.config.effects[e].kind).param_count;
+    if (count > 0 && !std::isnan(row[0])) set_true_effect(robot, robot.config.effects[e], row);
+    row += count;
+  }
+}
+
 double draw_from_prior(const tiller_prior_t& prior, double (*uniform)(void*), void* context) {
   if (prior.kind == tiller_prior_fixed) return prior.a;
   if (prior.kind == tiller_prior_uniform) return prior.low + (prior.high - prior.low) * uniform(context);

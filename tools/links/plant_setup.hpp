@@ -21,6 +21,11 @@ struct SimPlant {
 /// drawn from it by the seed; what [sim] itself gives goes before. Null with a message in `error`.
 std::unique_ptr<SimPlant> make_sim_plant(const RobotFile& robot, std::string& error);
 
+/// The plant's truth in the place of what [sim] says of it, params (np) in the order of robot.params: a number stands
+/// for [sim]'s, and NaN leaves that. An effect is set where its first parameter is a number. Nothing is drawn then, and
+/// where there is no [sim] the plant is the model.
+void set_true_params(RobotFile& robot, const double* params);
+
 /// One draw from a prior (the value itself where it is fixed); u in (0, 1) comes from `uniform`.
 double draw_from_prior(const tiller_prior_t& prior, double (*uniform)(void*), void* context);
 

@@ -12,7 +12,9 @@ from . import _install
 # Each is a module NAME_command with add(parser), which needs no JAX, and run(arguments) -> exit code.
 # tools/cli/laboratories.cpp has the same names for `tiller --help`.
 LABORATORIES = {"infer": "learn the parameters of a simulator of your own from logs of the robot",
-                "imitate": "learn the weights of the cost, or a policy, from demonstrations"}
+                "imitate": "learn the weights of the cost, or a policy, from demonstrations",
+                "distill": "teach a small network what a planner does, for small targets",
+                "tune": "search settings of planner, cost and priors on the simulated plant"}
 
 
 def _parser(wanted: Sequence[str]) -> argparse.ArgumentParser:

@@ -12,7 +12,7 @@ from .._paths import ABOVE
 
 # module -> what pip installs; the extra `labs` of pyproject.toml is the same list (a test holds them together)
 REQUIRES = {"jax": "jax>=0.7", "equinox": "equinox>=0.13", "optax": "optax>=0.2.3", "scipy": "scipy>=1.11",
-            "tomlkit": "tomlkit>=0.13"}
+            "cma": "cma>=4.0", "tomlkit": "tomlkit>=0.13"}
 SIZE_MB = 550  # on disk, of jax 0.7 with what it brings
 ASK = "TILLER_LABS_INSTALL"  # 0 in the environment: never install
 

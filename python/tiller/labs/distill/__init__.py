@@ -1,0 +1,1 @@
+"""tiller distill: a planner's answers in a small network (docs/theory/distill.md)."""

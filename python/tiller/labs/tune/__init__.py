@@ -1,0 +1,1 @@
+"""tiller tune: settings of a robot file by the return of episodes on its simulated plant (docs/guide/tune.md)."""
