@@ -62,7 +62,7 @@ def projection(demonstrated: Numbers, best: Best, tolerance: float, rounds: int)
         if e.value - e.bound < tolerance:
             break
         step = mu - nearest
-        along = float(np.clip(-step @ w / max(step @ step, 1e-300), 0, 1))
+        along = float(np.clip(-float(step @ w) / max(float(step @ step), 1e-300), 0, 1))
         e.policies.append(mu)
         e.share = np.append(e.share * (1 - along), along)
         nearest = nearest + along * step
