@@ -38,7 +38,7 @@ WRONG = {
     "Robot.stage_cost": [("x", [0.0]), ([0.0], [0.0]), (STATE, [NAN]), ([NAN, 0.0], [0.0]), (STATE, [0.0], -1),
                          (STATE, [0.0], NAN), (STATE, [0.0], 10**30)],
     "Controller": [("pendulum",), ("robot", 0), ("robot", "two"), ("robot", NAN), ("robot", 1, "no"),
-                   ("robot", None), ("robot", 1, True, 4)],
+                   ("robot", None), ("robot", 1, True, -4), ("robot", 1, True, "x"), ("robot", 1, True, 4, 5)],
     "Controller.tick": [("now",), (NAN,), (None, [0.0]), (1.0, "x"), (1.0, [0.0, 1.0]), (1.0, [0.0], 3)],
     "Controller.set_target": [("up",), ([0.0],), ([NAN, 0.0],), (None,)],
     "Controller.set_output_target": [("up",), ([0.0, 1.0],)],
