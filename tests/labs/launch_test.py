@@ -12,14 +12,17 @@ from tiller.labs import _install
 from tiller.labs.__main__ import LABORATORIES
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-# An interpreter without JAX: what is named here cannot be imported.
-BLOCKER = """
-import importlib.abc, sys
-class Blocker(importlib.abc.MetaPathFinder):
+# An interpreter without what the laboratories import: none of its finders knows the names.
+BLOCKER = f"""
+import sys
+class Without:
+    def __init__(self, finder):
+        self.finder = finder
+    def __getattr__(self, name):
+        return getattr(self.finder, name)
     def find_spec(self, name, path=None, target=None):
-        if name.split(".")[0] in ("jax", "equinox", "optax", "scipy"):
-            raise ModuleNotFoundError(f"No module named '{name}'", name=name)
-sys.meta_path.insert(0, Blocker())
+        return None if name.split(".")[0] in {tuple(_install.REQUIRES)} else self.finder.find_spec(name, path, target)
+sys.meta_path[:] = [Without(finder) for finder in sys.meta_path]
 """
 
 
