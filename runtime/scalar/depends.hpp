@@ -6,9 +6,10 @@
 #include <cstdint>
 #include <type_traits>
 
+#include "scalar/isa.hpp"
 #include "tiller/scalar.hpp"
 
-namespace tiller {
+TILLER_ISA_NAMESPACE_BEGIN  // what is instantiated with it is of one instruction set
 
 struct Depends {
   std::uint64_t on = 0;
@@ -65,4 +66,4 @@ struct Depends {
   }
 };
 
-}  // namespace tiller
+TILLER_ISA_NAMESPACE_END
