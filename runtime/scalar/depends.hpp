@@ -11,7 +11,7 @@
 
 TILLER_ISA_NAMESPACE_BEGIN  // what is instantiated with it is of one instruction set
 
-struct Depends {
+    struct Depends {
   std::uint64_t on = 0;
 
   Depends() = default;

@@ -12,6 +12,7 @@ import re
 import shutil
 import subprocess
 import sys
+import time
 
 SOURCE, TILLER, WORK = (pathlib.Path(a) for a in sys.argv[1:4])
 # 0..3 are verdicts of `tiller gap`; 2 of `tiller excite` says that no input separates a pair.
@@ -161,9 +162,10 @@ def main():
     for page in pages:
         for command in commands(page.read_text(encoding="utf-8")):
             count += 1
+            begun = time.monotonic()
             good, why = follow(command)
             wrong += not good
-            print(("ok      " if good else "FAILED  ") + f"{page.name}: {command}", flush=True)
+            print(f"{'ok    ' if good else 'FAILED'} {time.monotonic() - begun:5.1f} s {page.name}: {command}", flush=True)
             if not good:
                 print("        " + why.replace("\n", "\n        "))
     print(f"{count} commands, {wrong} failed")
