@@ -196,7 +196,7 @@ void SocketLink::after_period() {
   const std::int64_t now_us = monotonic_us();
   if (began_us_ != 0) longest_us_ = std::max(longest_us_, now_us - began_us_);
   if (paced_from_us_ >= 0) {
-    paced_from_us_ += period_us_;
+    paced_from_us_ += pace_us_;
     sleep_until_us(paced_from_us_);
     paced_from_us_ = std::max(paced_from_us_, monotonic_us());  // a machine that was held up does not catch up
   }
@@ -206,7 +206,9 @@ void SocketLink::after_period() {
   began_us_ = monotonic_us();
 }
 
-std::int64_t SocketLink::period_wall_us() const { return std::max(period_us_, longest_us_); }
+std::int64_t SocketLink::period_wall_us() const {
+  return paced_from_us_ >= 0 ? pace_us_ : std::max(period_us_, longest_us_);
+}
 
 void SocketLink::inject_board(const tiller_measurement_t& reading) {
   sim::PlantMeasurement m{reading.stamp_us, reading.sequence, {}};
@@ -214,7 +216,10 @@ void SocketLink::inject_board(const tiller_measurement_t& reading) {
   for (const sim::CanFrame& f : sim::sensor_frames(kBoard, m)) (void)inject(f.id, f.data.data(), f.length);
 }
 
-void SocketLink::pace(bool on) { paced_from_us_ = on ? monotonic_us() : -1; }
+void SocketLink::pace(bool on) {
+  if (on) pace_us_ = period_wall_us();  // delays are multiples of it: a period must not end sooner later on
+  paced_from_us_ = on ? monotonic_us() : -1;
+}
 
 void SocketLink::drain_plant() {
   watch_wire();

@@ -79,7 +79,7 @@ class SocketLink final : public Link {
   bool refused(tiller_status_t status) const;             ///< a send has
   std::uint64_t published() const { return published_; }  ///< frames that the plant has sent
   std::uint64_t missed() const { return missed_; }        ///< ticks without a measurement
-  std::int64_t period_wall_us() const;                    ///< the longest that a period took, or should have taken
+  std::int64_t period_wall_us() const;                    ///< longest period so far; paced: the least
   int late_torques() const { return late_; }              ///< ticks whose torques were on the wire in a later one
 
  private:
@@ -109,7 +109,7 @@ class SocketLink final : public Link {
   std::deque<Commanded> commanded_;
   std::deque<Sent> sent_;  // by the controller's interface
   bool tells_torque_;      // an ODrive's frame is the torque as float; others are compared as they were sent
-  std::int64_t paced_from_us_ = -1;
+  std::int64_t paced_from_us_ = -1, pace_us_ = 0;
   std::int64_t period_us_ = 0, began_us_ = 0, longest_us_ = 0;
   std::uint64_t published_ = 0, missed_ = 0;
   std::uint64_t seen_[4] = {}, refused_[4] = {};
