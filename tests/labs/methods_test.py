@@ -50,6 +50,7 @@ def logs_of(state, inputs, steps=1, process_sd=NOISE, sensor_sd=0.0, angle=(Fals
 def linear_logs(seed, noise=NOISE, periods=40, truth=(0.9, -0.3), **more):
     rng = np.random.default_rng([seed, 300])
     inputs = np.repeat(rng.normal(size=(periods // 5 + 1, 2)), 5, axis=0)[:periods]
+    inputs /= (inputs**2).mean() ** 0.5  # 40 periods leave a posterior about a quarter as wide as the prior
     a, b = truth
     rate = np.stack([a * inputs[:, 0] + b * inputs[:, 1], b * inputs[:, 0] - a * inputs[:, 1]], axis=1)
     change = DT * rate + noise * DT**0.5 * rng.normal(size=rate.shape)
