@@ -10,7 +10,8 @@ pytest.importorskip("scipy")
 from problems import divergence, moments  # noqa: E402
 from scipy import stats  # noqa: E402
 
-from tiller.labs.methods.discrepancy import DIRECTIONS, Residual, SlicedWasserstein, directions, sorted_distance  # noqa: E402
+from tiller.labs.methods import discrepancy  # noqa: E402
+from tiller.labs.methods.discrepancy import Residual, SlicedWasserstein, directions, sorted_distance  # noqa: E402
 from tiller.labs.methods.logs import Logs  # noqa: E402
 from tiller.labs.methods.reps import bounded_weights, log_likelihood, tempered_weights  # noqa: E402
 from tiller.labs.methods.serve import METHODS  # noqa: E402
@@ -201,7 +202,8 @@ def test_sliced_wasserstein_is_the_mean_over_slices(scale):
     moved = logs.simulate(np.array([[-1.0, 2.0]]))[..., 0] - logs.start
     context = np.concatenate([logs.start, logs.inputs], axis=1)
     divide = np.concatenate([(logs.moved**2).mean(axis=0), context.var(axis=0)]) ** 0.5 if scale else np.ones(6)
-    sets = [np.concatenate([d, context], axis=1) / divide @ directions(DIRECTIONS, 6).T for d in (moved, logs.moved)]
+    slices = directions(discrepancy.DIRECTIONS, 6).T
+    sets = [np.concatenate([d, context], axis=1) / divide @ slices for d in (moved, logs.moved)]
     wanted = np.mean([stats.wasserstein_distance(a, b) for a, b in zip(*(s.T for s in sets))])
     assert SlicedWasserstein(logs, scale)(logs.simulate(np.array([[-1.0, 2.0]])))[0] == pytest.approx(wanted, abs=1e-12)
 
@@ -224,7 +226,8 @@ def test_answers_to_opposite_inputs_are_told_apart():
     inputs = np.stack([u, np.zeros(40)], axis=1)
     state = np.cumsum(np.concatenate([np.zeros((1, 2)), DT * u[:, None] * [0.9, -0.3]]), axis=0)
     logs = logs_of(state, inputs, process_sd=0.0)
-    own, opposite, near = SlicedWasserstein(logs, True)(logs.simulate(np.array([[0.9, -0.3], [-0.9, 0.3], [0.8, -0.3]])))
+    states = logs.simulate(np.array([[0.9, -0.3], [-0.9, 0.3], [0.8, -0.3]]))
+    own, opposite, near = SlicedWasserstein(logs, True)(states)
     assert own == pytest.approx(0, abs=1e-12) and opposite > 0.1 and opposite > 3 * near > 0.003
 
 
@@ -276,13 +279,16 @@ def test_simopt_finds_the_system_and_shrinks_whatever_the_logs_tell(name, settin
     assert np.abs(found.rounds[-1]["mean"] - [0.9, -0.3]).max() < (0.2 if name == "simopt" and not settings else 0.4)
     assert [r["kl"] for r in found.rounds] == pytest.approx([1.0] * 8, abs=1e-6)
     assert found.rounds[-1]["discrepancy"] < found.rounds[0]["discrepancy"]
-    assert (found.rounds[-1]["sd"] < 0.05).all() and np.array_equal(found.normal.covariance[0].T, found.normal.covariance[0])
+    covariance = found.normal.covariance[0]
+    assert (found.rounds[-1]["sd"] < 0.05).all() and np.array_equal(covariance.T, covariance)
 
 
 def test_the_first_normal_is_the_priors():
     uniform = normal_of_prior(problem_of([Prior("a", "uniform", low=0.1, high=1.0), NORMAL[1]]))
-    assert uniform.mean[0] == pytest.approx([0.55, 0.5]) and np.diag(uniform.covariance[0]) == pytest.approx([0.81 / 12, 1])
-    two = Mixture(np.full(2, 0.5), np.array([[0.7, -0.4], [1.1, -0.4]]), np.array([[[0.04, 0.024], [0.024, 0.0169]]] * 2))
+    assert uniform.mean[0] == pytest.approx([0.55, 0.5])
+    assert np.diag(uniform.covariance[0]) == pytest.approx([0.81 / 12, 1])
+    within = np.array([[0.04, 0.024], [0.024, 0.0169]])
+    two = Mixture(np.full(2, 0.5), np.array([[0.7, -0.4], [1.1, -0.4]]), np.stack([within, within]))
     both = normal_of_prior(problem_of(mixture=two))
     assert both.mean[0] == pytest.approx([0.9, -0.4])
     assert both.covariance[0] == pytest.approx(np.array([[0.08, 0.024], [0.024, 0.0169]]))

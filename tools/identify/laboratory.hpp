@@ -16,7 +16,7 @@ bool refuse_hidden_states(const tiller_config_t& config, std::string& error);
 
 /// Fits by a method of methods.def other than the posterior. The laboratory (python/tiller/labs/methods) proposes
 /// parameters and weighs them in a process of its own; simulated is here, by the rollout kernel, where the logs are. A
-/// process that has ended one fit serves the next. False with a sentence in `error`. Same problem, same bits on the same
+/// process that has ended one fit serves the next. False with a sentence in `error`. Same problem, same bits on one
 /// machine. Any thread. Cost: options.simulations times the transitions of the grids, and a second for the first fit.
 bool run_in_laboratory(const std::string& method, const MethodProblem& problem, MethodResult& result,
                        std::string& error);

@@ -1,5 +1,5 @@
-"""SimOpt (Chebotar et al., ICRA 2019): a normal over the coordinates, refitted to candidates of it again and again, each
-time within a bound of the divergence."""
+"""SimOpt (Chebotar et al., ICRA 2019): a normal over the coordinates, refitted to candidates of it again and again,
+each time within a bound of the divergence."""
 from __future__ import annotations
 
 import numpy as np
@@ -13,7 +13,6 @@ from .reps import bounded_weights
 from .settings import Settings
 
 DRAWS = 1024  # of the last normal
-SURVEY = 4096  # draws that tell the prior's moments
 LEAST_SHARE = 1e-6  # of the prior's deviation: a normal that has shrunk to a point can still be drawn from
 
 
