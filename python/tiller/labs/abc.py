@@ -6,8 +6,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import logsumexp
 
+from .options import Options
 from .problem import Array, InferenceError, Problem, Simulations
-from .result import Inferred, Options, normalised
+from .result import Inferred, normalised
 from .summary import make_summary
 
 HELD_OUT = 100  # draws near the logs that stand in for them

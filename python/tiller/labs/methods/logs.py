@@ -33,9 +33,9 @@ class Logs:
                  lanes: int, simulate: Callable[[Array], Array]) -> Logs:
         """From the columns rollout, period, inputs, then start, its doubt, state, its doubt."""
         whole, nx = table[:, 2 + inputs:], len(angle)
-        four = [np.ascontiguousarray(whole[:, k * nx:(k + 1) * nx]) for k in range(4)]
-        return cls(table[:, 0].astype(np.int64), table[:, 1], table[:, 2:2 + inputs], *four, np.array(angle, bool),
-                   np.array(process_sd, float), period_s, lanes, simulate)
+        start, start_sd, state, state_sd = (np.ascontiguousarray(whole[:, k * nx:(k + 1) * nx]) for k in range(4))
+        return cls(table[:, 0].astype(np.int64), table[:, 1], table[:, 2:2 + inputs], start, start_sd, state, state_sd,
+                   np.array(angle, bool), np.array(process_sd, float), period_s, lanes, simulate)
 
     def blocks(self, params: Array) -> Iterator[tuple[slice, Array]]:
         """Which of the candidates, and their states (rows, nx, n)."""

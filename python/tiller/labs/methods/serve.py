@@ -5,7 +5,7 @@ import json
 import os
 import signal
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
@@ -21,7 +21,7 @@ from .wire import LANES, Gone, Wire
 Fit = Callable[[Problem, Logs, Settings], Inferred]
 
 # tools/identify/methods.def has the same names, the posterior before them
-METHODS: dict[str, Fit] = {"reps": reps.fit, "simopt": simopt.one_step, "trajectory_simopt": simopt.trajectory} | {
+METHODS: Mapping[str, Fit] = {"reps": reps.fit, "simopt": simopt.one_step, "trajectory_simopt": simopt.trajectory} | {
     name: partial(steps.fit, method=name) for name in ("abc", "abc_regression", "smc_abc", "mcmc_abc")}
 
 

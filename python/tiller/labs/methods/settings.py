@@ -32,9 +32,9 @@ class Settings:
 
     @classmethod
     def of_json(cls, told: dict[str, Any]) -> Settings:
-        optional = {"scale"}
-        return cls(**{f.name: NAN if told[f.name] is None and f.name not in optional else told[f.name]
-                      for f in fields(cls)})
+        """null: NaN, but for `scale`."""
+        given: dict[str, Any] = {f.name: told[f.name] for f in fields(cls)}
+        return cls(**{name: NAN if value is None and name != "scale" else value for name, value in given.items()})
 
     def result(self, problem: Problem) -> Inferred:
         return Inferred(problem, Options(simulations=self.simulations))

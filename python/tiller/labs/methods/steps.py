@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 
 from .. import abc, mcmc
 from ..options import Options
@@ -47,7 +48,7 @@ class Estimates:
         off = logs.wrapped(logs.state[self.rows] - self.centre)
         self.observed = self.median + self.gain @ off.reshape(-1)
 
-    def simulated(self, params: Array, _starts: Array, seeds: Array) -> tuple[Array, list[str]]:
+    def simulated(self, params: Array, _starts: Array, seeds: npt.NDArray[np.int64]) -> tuple[Array, list[str]]:
         """s of candidates (n, np) as (n, 1, d); NaN where a period was not finite."""
         out = np.empty((len(params), 1, len(self.median)))
         with np.errstate(invalid="ignore", over="ignore"):
