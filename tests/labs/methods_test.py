@@ -1,6 +1,12 @@
 """Methods of `tiller identify --method`: against values worked out by hand, the posterior of a linear system, and bad
 input. The system is dx/dt = a u + b v, dy/dt = b u - a v: linear in its parameters, and no state acts on it."""
+import dataclasses
 import itertools
+import json
+import socket
+import struct
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -338,3 +344,52 @@ def test_what_cannot_be_is_refused():
     for name in ("abc", "abc_regression"):
         with pytest.raises(InferenceError, match="raise --epsilon"):
             run(name, linear_logs(29), epsilon=1e-9, **SMALL)
+
+
+# ---- the process -------------------------------------------------------------------------------------------
+
+def block(channel):
+    return channel.recv(struct.unpack("=Q", channel.recv(8, socket.MSG_WAITALL))[0], socket.MSG_WAITALL)
+
+
+def asked(channel, told, table, simulate):
+    """As tools/identify/laboratory.cpp holds it: (document, draws), or the refusal."""
+    for part in (json.dumps(told).encode(), table.tobytes()):
+        channel.sendall(struct.pack("=Q", len(part)) + part)
+    document = None
+    while True:
+        kind, content = channel.recv(1), block(channel)
+        if kind == b"s":
+            params = np.frombuffer(content).reshape(-1, 2)
+            lanes = np.concatenate([params, np.repeat(params[-1:], 64 - len(params), axis=0)])
+            channel.sendall(simulate(lanes).tobytes())
+        elif kind == b"r":
+            document = json.loads(content)
+        else:
+            return (document, np.frombuffer(content).reshape(-1, 3)) if kind == b"d" else content.decode()
+
+
+def test_a_process_answers_one_fit_after_the_other_and_ends_with_its_owner():
+    logs = linear_logs(5)
+    table = np.column_stack([logs.rollout, logs.period, logs.inputs, logs.start, logs.start_sd, logs.state,
+                             logs.state_sd])
+    options = {f.name: None for f in dataclasses.fields(Settings)} | {
+        "simulations": 500, "iterations": 2, "kl": 1.0, "accept": 0.1, "discrepancy": "residual", "smoothing_steps": 0}
+    told = {"method": "reps", "seed": 1, "period_s": DT, "angle": [False] * 2, "input_count": 2,
+            "process_sd": [NOISE] * 2, "prior_mixture": None, "options": options,
+            "parameters": [{"name": n, "unit": "", "kind": "normal", "numbers": [0.5, 1.0, None, None]} for n in "ab"]}
+    here, there = socket.socketpair()
+    words = [sys.executable, "-m", "tiller.labs", "--methods"]
+    with subprocess.Popen(words, stdin=there, stdout=sys.stderr) as process:
+        there.close()
+        with here:
+            here.settimeout(300)
+            document, draws = asked(here, told, table, logs.simulate)
+            own = run("reps", logs, simulations=500)
+            assert np.array_equal(draws, np.column_stack([own.params, own.weight]))
+            assert document["simulations"] == 500 and document["iterations"][0]["kl"] == pytest.approx(1, abs=1e-6)
+            narrow = told | {"method": "abc", "options": options | {"epsilon": 1e-9}}
+            assert "raise --epsilon" in asked(here, narrow, table, logs.simulate)
+            document, draws = asked(here, told | {"method": "simopt"}, table, logs.simulate)
+            assert len(document["mean"]) == 2 and len(document["covariance"]) == 4 and len(draws) == 1024
+        assert process.wait(60) == 0

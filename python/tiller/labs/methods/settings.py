@@ -33,8 +33,10 @@ class Settings:
     @classmethod
     def of_json(cls, told: dict[str, Any]) -> Settings:
         """null: NaN, but for `scale`."""
-        given: dict[str, Any] = {f.name: told[f.name] for f in fields(cls)}
-        return cls(**{name: NAN if value is None and name != "scale" else value for name, value in given.items()})
+        given: Any = {f.name: told[f.name] for f in fields(cls)}
+        for name, value in given.items():
+            given[name] = NAN if value is None and name != "scale" else value
+        return cls(**given)
 
     def result(self, problem: Problem) -> Inferred:
         return Inferred(problem, Options(simulations=self.simulations))
