@@ -7,6 +7,7 @@
 #include "bench/posterior/method_episode.hpp"
 #include "harness/accuracy/accuracy_run.hpp"
 #include "tiller/config.hpp"
+#include "tools/identify/laboratory.hpp"
 
 namespace tiller::bench {
 
@@ -20,11 +21,10 @@ MethodResult learn(const AccuracyTask& task, const Episode& episode, std::uint32
   for (std::uint32_t r = 0; r < task.states(); ++r)
     config.process_sd[r] = sigma * task.step_rms[r] / std::sqrt(config.period_s);
   const std::vector<tools::Grid> grids = {grid_of(task, episode, ticks)};
-  const std::vector<tools::Stretch> stretches;
   MethodProblem problem;
   problem.config = &config;
   problem.grids = &grids;
-  problem.stretches = &stretches;
+  for (std::uint32_t i = 0; i < config.param_count; ++i) problem.params.push_back("parameter " + std::to_string(i));
   problem.options.simulations = simulations;
   problem.options.iterations = contender.iterations;
   problem.options.rollout_s = contender.rollout_s;
@@ -34,7 +34,7 @@ MethodResult learn(const AccuracyTask& task, const Episode& episode, std::uint32
   }
   MethodResult result;
   std::string error;
-  if (!tools::find_method(contender.method)->run(problem, result, error)) {
+  if (!tools::run_in_laboratory(contender.method, problem, result, error)) {
     std::fprintf(stderr, "bench_methods: %s, seed %llu: %s\n", contender.label, static_cast<unsigned long long>(seed),
                  error.c_str());
     std::exit(1);

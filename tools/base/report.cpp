@@ -54,6 +54,8 @@ bool lacks_packages(const ChildResult& child) {
   return child.exit_code == 127 || child.output.find("No module named") != std::string::npos;
 }
 
+}  // namespace
+
 std::vector<std::string> python_command(const std::string& module, const std::vector<std::string>& arguments) {
   std::vector<std::string> command = {
       "env", "PYTHONPATH=" + python_path(), "PYTHONDONTWRITEBYTECODE=1", interpreter(),
@@ -61,8 +63,6 @@ std::vector<std::string> python_command(const std::string& module, const std::ve
   command.insert(command.end(), arguments.begin(), arguments.end());
   return command;
 }
-
-}  // namespace
 
 void become_python_tool(const std::string& module, const std::vector<std::string>& arguments, std::string& error) {
   std::vector<std::string> command = python_command(module, arguments);

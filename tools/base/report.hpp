@@ -5,6 +5,9 @@
 
 namespace tiller::tools {
 
+/// The words that start one of the Python tools (tiller_tools.<module>) with these arguments.
+std::vector<std::string> python_command(const std::string& module, const std::vector<std::string>& arguments);
+
 /// Runs one of the Python tools (tiller_tools.<module>) with arguments. The interpreter is TILLER_PYTHON, else
 /// the one that the build was configured with. False with a message in `error`.
 bool run_python_tool(const std::string& module, const std::vector<std::string>& arguments, std::string& error);

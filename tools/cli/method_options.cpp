@@ -16,12 +16,13 @@ struct MethodOption {
 
 const std::vector<MethodOption>& method_options() {
   static const std::vector<MethodOption> list = {
-      {"--simulations", {"reps", "simopt", "trajectory_simopt", "abc", "abc_regression", "bayes_sim"}},
+      {"--simulations",
+       {"reps", "simopt", "trajectory_simopt", "abc", "abc_regression", "smc_abc", "mcmc_abc", "bayes_sim"}},
       {"--iterations", {"simopt", "trajectory_simopt", "bayes_sim"}},
       {"--kl", {"reps", "simopt", "trajectory_simopt"}},
       {"--eta", {"reps"}},
       {"--epsilon", {"abc", "abc_regression"}},
-      {"--accept", {"abc", "abc_regression"}},
+      {"--accept", {"abc", "abc_regression", "mcmc_abc"}},
       {"--rollout", {"trajectory_simopt"}},
       {"--discrepancy", {"simopt", "trajectory_simopt"}},
       {"--l1", {"simopt", "trajectory_simopt"}},
@@ -42,7 +43,7 @@ std::string check_method(const std::string& name, const Words& known) {
 void add_abc_options(CLI::App& command, MethodOptions& how) {
   command.add_option("--epsilon", how.epsilon, "tolerance of abc (default: so that one in a hundred is kept)")
       ->check(number_between(1e-9, 1e9));
-  command.add_option("--accept", how.accept, "share that abc keeps where no --epsilon is given (default 0.01)")
+  command.add_option("--accept", how.accept, "share that abc keeps where no --epsilon is given, and that sets mcmc_abc's tolerance (default 0.01)")
       ->check(number_between(1e-6, 1));
 }
 

@@ -74,20 +74,4 @@ std::vector<RolloutSpan> make_spans(const std::vector<Episode>& episodes, std::s
   return long_enough.empty() ? all : long_enough;
 }
 
-std::vector<double> least_variance(const tiller_model_t& model, const std::vector<RolloutSpan>& steps) {
-  std::vector<double> least(model.state_count);
-  for (std::uint32_t r = 0; r < model.state_count; ++r) {
-    double square = 0, count = 0;
-    for (const RolloutSpan& span : steps) {
-      const double change =
-          state_difference(model, r, span.episode->at(span.start + 1)[r], span.episode->at(span.start)[r]);
-      if (!std::isfinite(change)) continue;
-      square += change * change;
-      count += 1;
-    }
-    least[r] = std::max(count > 0 ? 1e-6 * square / count : 0.0, 1e-300);
-  }
-  return least;
-}
-
 }  // namespace tiller::tools

@@ -37,8 +37,4 @@ struct RolloutSpan {
 /// unless nothing else is there.
 std::vector<RolloutSpan> make_spans(const std::vector<Episode>& episodes, std::size_t steps);
 
-/// (nx) The least variance that the change of a state over a step is taken to have: a thousandth of its root mean
-/// square, squared. A state without noise would have all the say.
-std::vector<double> least_variance(const tiller_model_t& model, const std::vector<RolloutSpan>& steps);
-
 }  // namespace tiller::tools

@@ -3,6 +3,7 @@
 
 #include "tools/base/json_number.hpp"
 #include "tools/identify/identify.hpp"
+#include "tools/robot/prior_json.hpp"
 #include "tools/robot/units.hpp"
 
 namespace tiller::tools {
@@ -26,18 +27,9 @@ json used_json(const UsedRows& used) {
           {"text", used.text()}};
 }
 
-const char* kind_text(const tiller_prior_t& prior) {
-  switch (prior.kind) {
-    case tiller_prior_uniform: return "uniform";
-    case tiller_prior_normal: return "normal";
-    case tiller_prior_log_normal: return "log_normal";
-    default: return "fixed";
-  }
-}
-
 /// The prior as the robot file states it. Of a uniform one, a and b mean nothing; bounds that are not there are null.
 json stated_prior_json(const tiller_prior_t& prior) {
-  return {{"kind", kind_text(prior)},
+  return {{"kind", prior_kind_name(prior.kind)},
           {"a", number(prior.a)},
           {"b", number(prior.b)},
           {"low", number(prior.low)},

@@ -3,8 +3,10 @@
 #include <cmath>
 #include <limits>
 
+#include "core/rng.hpp"
+#include "posterior/prior.hpp"
 #include "tools/base/text.hpp"
-#include "tools/identify/coordinates.hpp"
+#include "tools/identify/laboratory.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -12,21 +14,25 @@ namespace {
 constexpr std::uint32_t kSamples = 512;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
-std::vector<double> prior_rows(const Coordinates& coordinates, std::size_t np) {
-  std::vector<double> rows(kSamples * np), v(coordinates.count());
+std::vector<double> prior_rows(const tiller_config_t& config) {
+  const PriorDistribution law(config);
+  std::vector<double> rows, v(law.dimension());
   for (std::uint32_t k = 0; k < kSamples; ++k) {
-    coordinates.draw(k, v.data());
-    coordinates.to_params(v.data(), rows.data() + k * np);
+    Rng rng(config.seed, kRngPrior, k);
+    law.draw_one(rng, v.data());
+    std::size_t j = 0;
+    for (std::uint32_t i = 0; i < config.param_count; ++i)
+      rows.push_back(config.priors[i].kind == tiller_prior_fixed ? config.priors[i].a
+                                                                 : from_coordinate(config.priors[i], v[j++]));
   }
   return rows;
 }
 
 void summarise(const Candidate& candidate, const MethodResult& found, Fit& result) {
-  const Coordinates coordinates(candidate.config);
   const std::size_t np = candidate.config.param_count;
   result.sample_count = kSamples;
   result.samples = resample(found.params, found.weight, np);
-  result.prior_samples = prior_rows(coordinates, np);
+  result.prior_samples = prior_rows(candidate.config);
   const std::vector<double> equal(kSamples, 1.0 / kSamples);
   MethodIteration prior, posterior;
   weighted_moments(result.prior_samples, equal, np, prior);
@@ -78,8 +84,7 @@ std::string few_draws(const std::string& method, double effective_samples, std::
 
 bool fit_by_method(const Candidate& candidate, const std::vector<Stretch>& stretches, const std::vector<Grid>& grids,
                    const FitOptions& options, Fit& result, std::string& error) {
-  const Method* method = find_method(options.method);
-  if (!method) {
+  if (!find_method(options.method)) {
     error = "there is no method '" + options.method + "'; known are " + method_names();
     return false;
   }
@@ -88,12 +93,11 @@ bool fit_by_method(const Candidate& candidate, const std::vector<Stretch>& stret
   MethodProblem problem;
   problem.config = &candidate.config;
   problem.params = candidate.params;
-  problem.stretches = &stretches;
   problem.grids = &grids;
   problem.options = options.how;
   problem.options.progress = options.progress;
   MethodResult found;
-  if (!method->run(problem, found, error)) {
+  if (!run_in_laboratory(options.method, problem, found, error)) {
     error = candidate.name + ", " + options.method + ": " + error;
     return false;
   }

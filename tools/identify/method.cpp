@@ -5,13 +5,12 @@
 #include <numeric>
 
 #include "tools/base/text.hpp"
-#include "tools/identify/method_list.hpp"
 
 namespace tiller::tools {
 
 const std::vector<Method>& methods() {
   static const std::vector<Method> list = {
-#define TILLER_METHOD(name, help, citation, caveat) {#name, help, citation, caveat, &run_##name},
+#define TILLER_METHOD(name, help, citation, caveat) {#name, help, citation, caveat},
 #include "tools/identify/methods.def"
 #undef TILLER_METHOD
   };

@@ -27,16 +27,15 @@ struct MethodOptions {
   double weight_l1 = std::numeric_limits<double>::quiet_NaN(), weight_l2 = weight_l1;
   /// Each channel over its RMS in the logs; without: trajectory_simopt and wasserstein do, simopt does not.
   std::optional<bool> scale;
-  std::uint32_t particles = 512, window = 128, moves = 32;  ///< of the posterior
   std::function<void(double)> progress;                     ///< share done, 0..1; may be empty
 };
 
-/// The input of a method. The configuration has passed tiller_config_check; its seed names all random numbers.
+/// The input of a method of the laboratory. The configuration has passed tiller_config_check; its seed names all random
+/// numbers.
 struct MethodProblem {
   const tiller_config_t* config = nullptr;
-  std::vector<std::string> params;                  ///< (param_count) names, for errors
-  const std::vector<Stretch>* stretches = nullptr;  ///< for the posterior
-  const std::vector<Grid>* grids = nullptr;         ///< for every other method: the same logs on a uniform grid
+  std::vector<std::string> params;           ///< (param_count) names
+  const std::vector<Grid>* grids = nullptr;  ///< the logs on a uniform grid
   MethodOptions options;
 };
 
@@ -60,8 +59,6 @@ struct MethodResult {
   std::vector<double> mean, covariance;  ///< (d), (d x d) of that Gaussian
   std::vector<MethodIteration> history;  ///< at least one entry
   double effective_samples = 0;
-  double noise_scale = std::numeric_limits<double>::quiet_NaN();  ///< NaN: the method knows of none
-  double exponent = std::numeric_limits<double>::quiet_NaN();
   std::uint64_t simulations = 0;  ///< parameter vectors tried
   std::uint64_t diverged = 0;     ///< of them not finite: of weight zero
   std::uint64_t transitions = 0;  ///< of the logs that were compared
@@ -73,8 +70,6 @@ struct Method {
   const char* help;
   const char* citation;
   const char* caveat;
-  /// False with a sentence in `error`. Same problem, same bits.
-  bool (*run)(const MethodProblem& problem, MethodResult& result, std::string& error);
 };
 
 const std::vector<Method>& methods();

@@ -4,7 +4,7 @@
 #include <limits>
 
 #include "core/rng.hpp"
-#include "tools/identify/reps.hpp"
+#include "tools/policy_search/reps_weights.hpp"
 
 namespace tiller::tools::policy {
 namespace {

@@ -2,9 +2,9 @@
 
 #include <cmath>
 
-#include "tools/identify/candidates.hpp"
 #include "tools/identify/identify_fit.hpp"
 #include "tools/identify/identify_method.hpp"
+#include "tools/identify/laboratory.hpp"
 #include "tools/logs/identify_data.hpp"
 
 namespace tiller::tools {
@@ -67,27 +67,23 @@ std::string note_of(const std::string& method, const MethodResult& found) {
 Words refit_methods() { return {"simopt", "trajectory_simopt", "reps"}; }
 
 bool check_refit(const RefitOptions& options, const RobotFile& robot, std::string& error) {
-  MethodProblem problem;
-  problem.config = &robot.config;
-  if (is_one_step(options.method) && refuse_hidden_states(problem, error)) {
+  if (is_one_step(options.method) && refuse_hidden_states(robot.config, error)) {
     error = robot.path + ": --method " + options.method + ": " + error;
     return false;
   }
-  return can_be_fitted(robot.config, error);
+  return can_be_fitted(robot.config, error) && laboratory_is_ready(error);
 }
 
 RefitPrior make_refit(const RefitOptions& options) {
   return [options](const RobotFile& robot, const Log& log, RefittedPrior& out, std::string& error) {
     const std::vector<Grid> grids = make_grids(log, LogMap(), robot.config);
-    const std::vector<Stretch> stretches = make_stretches(log, LogMap(), robot.config);
     MethodProblem problem;
     problem.config = &robot.config;
     problem.params = robot.params;
     problem.grids = &grids;
-    problem.stretches = &stretches;
     problem.options = options.how;
     MethodResult found;
-    if (!find_method(options.method)->run(problem, found, error)) {
+    if (!run_in_laboratory(options.method, problem, found, error)) {
       error = options.method + ": " + error;
       return false;
     }

@@ -37,6 +37,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments)
     if words == ["--check"]:  # of a command that starts a laboratory later: can it?
         return 0 if _install.is_ready() else _tell_missing()
+    if words == ["--methods"]:  # of tiller identify and tiller run, for as long as they ask
+        _install.provide(words)
+        return int(import_module(".methods.serve", __package__).serve())
     try:
         a = _parser(words).parse_args(words)
     except SystemExit as end:  # argparse ends with 2 for a wrong option; tiller's commands with 1

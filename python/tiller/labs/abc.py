@@ -6,8 +6,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import logsumexp
 
+from .options import Options
 from .problem import Array, InferenceError, Problem, Simulations
-from .result import Inferred, Options, normalised
+from .result import Inferred, normalised
 from .summary import make_summary
 
 HELD_OUT = 100  # draws near the logs that stand in for them
@@ -66,17 +67,27 @@ def _ranks(problem: Problem, v: Array, off: Array, nearest: np.ndarray, regress:
     return np.array(ranks)
 
 
+def _nearest(o: Options, distance: Array, least: int) -> np.ndarray:
+    """Which are kept, nearest first."""
+    order = np.argsort(distance, kind="stable")
+    by_share = bool(np.isnan(o.epsilon))
+    kept = min(round(o.accept * o.simulations), len(order)) if by_share else int((distance <= o.epsilon).sum())
+    if kept >= least:
+        return order[:kept]
+    near, hundredth = distance[order[0]], distance[order[len(order) // 100]]
+    remedy = "raise --simulations or --accept" if by_share else (
+        f"the nearest lies at {near:.3g}, one in a hundred within {hundredth:.3g}: raise --epsilon or --simulations")
+    raise InferenceError(f"{kept} draws would be kept, and {least} are needed; {remedy}")
+
+
 def rejection(problem: Problem, o: Options, simulations: Simulations, regress: bool = False) -> Inferred:
-    """The draws from the prior that come nearest, a share `accept` of them."""
+    """The draws from the prior that come nearest: a share `accept` of them, or those within `epsilon`."""
     result = Inferred(problem, o)
     v, y = simulations.run(problem.draw(np.random.default_rng([problem.seed, 1]), o.simulations))
     distances = Distances(o.summary, problem, v, y)
     distance = length(distances.off)
-    kept, least = min(round(o.accept * o.simulations), len(v)), problem.dimension + 3
-    if kept < least:
-        raise InferenceError(f"{kept} draws would be kept, and {least} are needed; raise --simulations or --accept")
-    nearest = np.argsort(distance, kind="stable")[:kept]
-    result.v, result.weight = v[nearest], np.ones(kept)
+    nearest = _nearest(o, distance, problem.dimension + 3)
+    result.v, result.weight = v[nearest], np.ones(len(nearest))
     if regress:
         result.weight = epanechnikov(distance[nearest])
         result.v = adjusted(problem, result.v, distances.off[nearest], result.weight)

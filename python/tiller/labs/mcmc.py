@@ -4,8 +4,9 @@ from __future__ import annotations
 import numpy as np
 
 from .abc import Distances, adjusted, epanechnikov, length
+from .options import Options
 from .problem import InferenceError, Problem, Simulations
-from .result import Inferred, Options, normalised
+from .result import Inferred, normalised
 
 PILOT = 0.5  # of the simulations: draws from the prior that set tolerance, starts and steps
 STEP = 2.38  # of the covariance's root, over sqrt(d) (Gelman, Roberts, Gilks 1996)

@@ -15,6 +15,7 @@ class Options:
     density: str = "mixture"  # of bayes_sim
     accept: float = 0.01  # share that abc and abc_regression keep, and that sets mcmc_abc's tolerance
     particles: int = 200  # of smc_abc; chains of mcmc_abc
+    epsilon: float = float("nan")  # tolerance of abc and abc_regression, in the place of the share
 
 
 class Method(NamedTuple):

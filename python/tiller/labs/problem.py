@@ -151,21 +151,27 @@ class Simulations:
                 f"{self.first_failure}"] if self.failed else []
 
 
-def read_problem(path: str | Path, simulate_with: Callable[[dict[str, Any]], Simulate]) -> Problem:
-    """From the file of `tiller data infer`: names, priors, noise, and the logs cut to pieces."""
-    told = json.loads(Path(path).read_text(encoding="utf-8"))
+def prior_of(told: dict[str, Any]) -> tuple[list[Prior], Mixture | None]:
+    """As parameters_json() and mixture_json() of tools/robot/prior_json.hpp write them."""
     priors = [Prior(p["name"], p["kind"], p["numbers"][0] or 0.0, p["numbers"][1] or 0.0,
                     -np.inf if p["numbers"][2] is None else p["numbers"][2],
                     np.inf if p["numbers"][3] is None else p["numbers"][3], p["unit"]) for p in told["parameters"]]
+    parts = told.get("prior_mixture")
+    return priors, Mixture(*(np.array([c[key] for c in parts], float)
+                             for key in ("weight", "mean", "covariance"))) if parts else None
+
+
+def read_problem(path: str | Path, simulate_with: Callable[[dict[str, Any]], Simulate]) -> Problem:
+    """From the file of `tiller data infer`: names, priors, noise, and the logs cut to pieces."""
+    told = json.loads(Path(path).read_text(encoding="utf-8"))
+    priors, mixture = prior_of(told)
     pieces, ny, nu = told.pop("pieces"), len(told["measurements"]), len(told["inputs"])
     lengths = [len(piece["measured"]) for piece in pieces]
     joined = {key: np.array([row for piece in pieces for row in piece[key]], float) for key in ("inputs", "measured")}
-    mixture = told.get("prior_mixture")
     return Problem(
         name=told["simulator"], priors=priors, measurements=told["measurements"], seed=told["seed"],
         noise_sd=np.array(told["noise_sd"], float), first=np.cumsum([0, *lengths], dtype=np.int64)[:-1],
         start=np.array([piece["start"] for piece in pieces], float).reshape(len(pieces), ny),
         inputs=joined["inputs"].reshape(-1, nu), measured=joined["measured"].reshape(-1, ny),
         simulate=simulate_with(told | {"lengths": lengths, "inputs_by_piece": [p["inputs"] for p in pieces]}),
-        mixture=Mixture(*(np.array([c[key] for c in mixture], float) for key in ("weight", "mean", "covariance")))
-        if mixture else None, told=told)
+        mixture=mixture, told=told)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from .mixture import Mixture
 from .options import Options
 from .problem import Array, Problem
 
@@ -41,6 +42,7 @@ class Inferred:
     warnings: list[str] = field(default_factory=list)
     simulations: int = 0
     failed: int = 0
+    normal: Mixture | None = None  # that v are draws of, where the method has one
     ranks: Array | None = None  # (m, d) of draws held out, uniform where the method is calibrated; None: not looked at
 
     @property

@@ -2,8 +2,6 @@
 
 #include <vector>
 
-#include "tools/identify/method.hpp"
-
 namespace tiller::tools {
 
 /// Weights of samples by their costs, as near to the cheapest as a KL divergence of epsilon from equal weights
@@ -24,23 +22,5 @@ struct RepsWeights {
 
 /// False where no cost is finite or epsilon is not above zero. Cost: O(200 n).
 bool reps_weights(const std::vector<double>& cost, double epsilon, RepsWeights& result);
-
-/// Weights at a given temperature, of samples whose reward R is a log likelihood and of which each stands for a share
-/// `base` of the prior (empty: equal shares, as of draws from it):
-///
-///     w_i ~ base_i exp(R_i / eta)
-///
-/// At eta = 1 this is Bayes' rule; at any other eta > 0 the likelihood is raised to the power 1 / eta. The divergence
-/// is that from the base. A reward that is not finite gets weight zero. False where no reward of a positive share is
-/// finite, or eta is not above zero. Cost: O(n).
-bool reps_weights_at(const std::vector<double>& reward, const std::vector<double>& base, double eta,
-                     RepsWeights& result);
-
-/// A method's iteration that ended with these weights of `params` (count x np).
-MethodIteration describe_weights(const std::vector<double>& params, const std::vector<double>& cost,
-                                 const RepsWeights& weights, std::size_t np);
-
-/// g(eta), eta > 0: for tests and pictures.
-double reps_dual(const std::vector<double>& cost, double epsilon, double eta);
 
 }  // namespace tiller::tools

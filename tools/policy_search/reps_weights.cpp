@@ -1,4 +1,4 @@
-#include "tools/identify/reps.hpp"
+#include "tools/policy_search/reps_weights.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -65,49 +65,6 @@ bool reps_weights(const std::vector<double>& cost, double epsilon, RepsWeights& 
   result.temperature = high;  // the side on which the bound is kept
   result.kl = weigh(cost, c, high, result.weight);
   return true;
-}
-
-bool reps_weights_at(const std::vector<double>& reward, const std::vector<double>& base, double eta,
-                     RepsWeights& result) {
-  const auto share = [&](std::size_t i) { return !std::isfinite(reward[i]) ? 0.0 : base.empty() ? 1.0 : base[i]; };
-  result = {};
-  result.weight.assign(reward.size(), 0.0);
-  double most = -std::numeric_limits<double>::infinity(), total = 0, sum = 0;
-  for (std::size_t i = 0; i < reward.size(); ++i) {
-    if (!(share(i) > 0)) continue;
-    most = std::max(most, reward[i]);
-    total += share(i);
-  }
-  if (!(total > 0) || !(eta > 0)) return false;
-  for (std::size_t i = 0; i < reward.size(); ++i)
-    if (share(i) > 0) sum += result.weight[i] = share(i) * std::exp((reward[i] - most) / eta);
-  for (double& w : result.weight) w /= sum;
-  result.temperature = eta;
-  for (std::size_t i = 0; i < reward.size(); ++i)
-    if (result.weight[i] > 0) result.kl += result.weight[i] * std::log(result.weight[i] * total / share(i));
-  return true;
-}
-
-MethodIteration describe_weights(const std::vector<double>& params, const std::vector<double>& cost,
-                                 const RepsWeights& weights, std::size_t np) {
-  MethodIteration iteration;
-  weighted_moments(params, weights.weight, np, iteration);
-  iteration.temperature = weights.temperature;
-  iteration.kl = weights.kl;
-  iteration.effective_samples = effective_samples(weights.weight);
-  iteration.discrepancy = 0;
-  for (std::size_t s = 0; s < cost.size(); ++s)
-    if (weights.weight[s] > 0) iteration.discrepancy += weights.weight[s] * cost[s];
-  iteration.best = *std::min_element(cost.begin(), cost.end());
-  return iteration;
-}
-
-double reps_dual(const std::vector<double>& cost, double epsilon, double eta) {
-  const Costs c = survey(cost);
-  double sum = 0;
-  for (const double v : cost)
-    if (std::isfinite(v)) sum += std::exp(-(v - c.least) / eta);
-  return eta * epsilon + eta * std::log(sum / static_cast<double>(c.count)) - c.least;
 }
 
 }  // namespace tiller::tools

@@ -1,0 +1,1 @@
+"""The methods of the literature behind `tiller identify --method` (docs/theory/methods.md)."""

@@ -1,0 +1,75 @@
+#include "tools/base/python_worker.hpp"
+
+#include <spawn.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+
+#include "tools/base/report.hpp"
+
+namespace tiller::tools {
+namespace {
+
+/// The child's input and output; what is printed by accident reaches a person, and no reader of bytes.
+int spawn(std::vector<std::string> command, int socket, pid_t& process) {
+  std::vector<char*> argv;
+  for (std::string& word : command) argv.push_back(word.data());
+  argv.push_back(nullptr);
+  posix_spawn_file_actions_t files;
+  posix_spawn_file_actions_init(&files);
+  posix_spawn_file_actions_adddup2(&files, socket, STDIN_FILENO);
+  posix_spawn_file_actions_adddup2(&files, STDERR_FILENO, STDOUT_FILENO);
+  const int why = posix_spawnp(&process, argv[0], &files, nullptr, argv.data(), environ);
+  posix_spawn_file_actions_destroy(&files);
+  return why;
+}
+
+}  // namespace
+
+std::unique_ptr<PythonWorker> PythonWorker::start(const std::string& module, const std::vector<std::string>& arguments,
+                                                  std::string& error) {
+  int ends[2];
+  pid_t process = -1;
+  int why = ::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) == 0 ? 0 : errno;
+  if (why == 0) {
+    why = spawn(python_command(module, arguments), ends[1], process);
+    ::close(ends[1]);
+    if (why != 0) ::close(ends[0]);
+  }
+  if (why == 0) return std::unique_ptr<PythonWorker>(new PythonWorker(ends[0], process));
+  error = "tiller_tools." + module + " cannot be started: " + std::strerror(why);
+  return nullptr;
+}
+
+PythonWorker::~PythonWorker() {
+  ::close(socket_);
+  while (::waitpid(process_, nullptr, 0) < 0 && errno == EINTR) {
+  }
+}
+
+bool PythonWorker::send(const void* data, std::size_t size) {
+  const char* at = static_cast<const char*>(data);
+  while (size > 0) {
+    const ssize_t n = ::send(socket_, at, size, MSG_NOSIGNAL);
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) return false;
+    at += n, size -= static_cast<std::size_t>(n);
+  }
+  return true;
+}
+
+bool PythonWorker::receive(void* data, std::size_t size) {
+  char* at = static_cast<char*>(data);
+  while (size > 0) {
+    const ssize_t n = ::recv(socket_, at, size, 0);
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) return false;
+    at += n, size -= static_cast<std::size_t>(n);
+  }
+  return true;
+}
+
+}  // namespace tiller::tools
