@@ -10,7 +10,7 @@
     transport    of 30 points to 30 in the plane: linear program, dual, Sinkhorn.
     adversarial  cart-pole, five demonstrations of 150 periods of an expert that balances; return over the expert's from
                  24 other starts, mean of exp(-1/2 (position / 0.5 m)^2 - 1/2 (angle / 0.25 rad)^2).
-    experts      the same over 1, 3, 5 and 10 demonstrations.
+    experts      the same over 1, 4, 11 and 25 demonstrations, as the panels of the GAIL paper.
 
 Seeds 1 to 20 (policies: 1 to 10) are scored; settings were chosen on seeds from 1000 on. Every seed is a line of --csv,
 written when it is done: a run that was cut goes on.
@@ -33,6 +33,7 @@ from tiller.labs.imitate.adversarial import AdversarialOptions, fit_policy
 from tiller.labs.imitate.cost import make_cost, rollout_features, whole_cost
 from tiller.labs.imitate.expand import expand
 from tiller.labs.imitate.game import total_variation
+from tiller.labs.imitate.iq import IqOptions, fit_iq
 from tiller.labs.imitate.maxent import fit_weights
 from tiller.labs.imitate.plan import Planner
 from tiller.labs.imitate.problem import Motion, Problem, read_problem
@@ -222,13 +223,13 @@ def worth(states):
     return np.exp(-0.5 * ((states[..., 0] / 0.5)**2 + (angle / 0.25)**2))
 
 
-def compete(seed, experts=5, **settings):
-    """Return over the expert's: of no input, cloning, GAIL, Wasserstein."""
+def compete(seed, experts=5):
+    """Return over the expert's: of no input, cloning, GAIL, Wasserstein, IQ-Learn."""
     world = World("cart_pole", seed, 20.0)
     with tempfile.TemporaryDirectory() as name:
         problem = bare_problem(world, pathlib.Path(name))
     planner = Planner(problem.scene, whole_cost(problem, problem.text, problem.rate_weight))
-    motions = [best_motion(planner, world.draw_start(), 150, 1) for _ in range(10)][:experts]
+    motions = [best_motion(planner, world.draw_start(), 150, 1) for _ in range(25)][:experts]
     starts = np.array([world.draw_start() for _ in range(24)])
     expert = np.mean([worth(best_motion(planner, s, 150, 1).states[:-1]).mean() for s in starts])
 
@@ -237,20 +238,20 @@ def compete(seed, experts=5, **settings):
 
     still = np.asarray(tiller.rollout(tiller.Robot.from_text(problem.text, "robot.toml"), starts,
                                       np.zeros((24, 149, 1))))
-    fits = [fit_policy(problem.scene, motions, AdversarialOptions(wasserstein=w, seed=seed, **settings))
-            for w in (False, True)]
+    fits = [fit_policy(problem.scene, motions, AdversarialOptions(wasserstein=w, seed=seed)) for w in (False, True)]
+    fits.append(fit_iq(problem.scene, motions, IqOptions(seed=seed)))
     return [float(worth(still).mean() / expert), of(fits[0].cloned), *(of(f.policy) for f in fits)]
 
 
 # ---- rows ---------------------------------------------------------------------------------------------
 
+POLICIES = ["no input", "cloning", "GAIL", "Wasserstein", "IQ-Learn"]
 PARTS = {"weights-cart_pole": (lambda s: recover("cart_pole", s), 20, ["Q, R", "S", "Qf", "cost", "inside"]),
          "weights-two_link_arm": (lambda s: recover("two_link_arm", s), 20, ["Q, R", "S", "Qf", "cost", "inside"]),
          "occupancy": (occupancy, 1, ["game", "program"]),
          "transport": (transport, 10, ["dual - primal", "sinkhorn .1", "sinkhorn .01"]),
-         "adversarial": (compete, 10, ["no input", "cloning", "GAIL", "Wasserstein"]),
-         **{f"experts-{n}": (lambda s, n=n: compete(s, n), 5, ["no input", "cloning", "GAIL", "Wasserstein"])
-            for n in (1, 3, 10)}}
+         "adversarial": (compete, 10, POLICIES),
+         **{f"experts-{n}": (lambda s, n=n: compete(s, n), 5, POLICIES) for n in (1, 4, 11, 25)}}
 GOALS = {("occupancy", 0): ("max", 1e-6), ("occupancy", 1): ("max", 1e-6), ("adversarial", 2): ("min", 0.95),
          ("adversarial", 3): ("min", 0.95), **{(f"weights-{r}", i): ("max", g) for r in WORLDS
                                               for i, g in ((0, 0.05), (3, 0.02))}}

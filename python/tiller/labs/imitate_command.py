@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from .imitate.learn import Imitated, Options
     from .imitate.problem import Problem
 
-METHODS = ("maxent", "matching", "adversarial", "wasserstein")
+METHODS = ("maxent", "matching", "adversarial", "wasserstein", "iq_learn")
 
 EPILOG = """
 Every weight of [cost] above 0 that stands in the file as a number is learnt, but for the first input's. Weights come
@@ -58,8 +58,8 @@ def add(parser: argparse.ArgumentParser) -> None:
                         help="robot file with the learnt weights; of a policy: with [policy], and OUT_policy.json")
     parser.add_argument("--page", type=Path, help="an HTML page, and its JSON beside it; a folder: imitate.html in it")
     parser.add_argument("--method", choices=METHODS, default="maxent",
-                        help="maxent (default), matching: weights of the cost; adversarial (GAIL), wasserstein: a "
-                        "network that acts (docs/theory/imitation.md)")
+                        help="maxent (default), matching: weights of the cost; adversarial (GAIL), wasserstein, "
+                        "iq_learn: a network that acts (docs/theory/imitation.md)")
     parser.add_argument("--keep", action="append", default=[], metavar="KEY",
                         help="a weight that stays as it is: cost.state_weight.angle_rad")
     parser.add_argument("--target", action="append", default=[], metavar="STATE",

@@ -16,7 +16,8 @@ from . import page
 from .table import ReportError, read_json, write_page
 
 
-_POLICIES = {"adversarial": "adversarial imitation (GAIL)", "wasserstein": "adversarial imitation, Wasserstein form"}
+_POLICIES = {"adversarial": "adversarial imitation (GAIL)", "wasserstein": "adversarial imitation, Wasserstein form",
+             "iq_learn": "IQ-Learn"}
 
 
 def _acts(result: dict) -> bool:

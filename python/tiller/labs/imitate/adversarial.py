@@ -12,8 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 
-from .network import HIDDEN, Policy, clone, observed, pairs, scale_of, split
-from .problem import Array, Motion, Numbers, Scene
+from .network import HIDDEN, Policy, Seen, clone, pairs, split
+from .problem import Array, Motion, Scene
 
 
 @dataclass(frozen=True)
@@ -72,9 +72,9 @@ class _Game:
     def __init__(self, scene: Scene, motions: Sequence[Motion], options: AdversarialOptions, cloned: Policy) -> None:
         self.scene, self.o = scene, options
         self.steps = min([options.steps, *(m.steps for m in motions)])
-        states, inputs = pairs(motions)
+        states, _ = pairs(motions)
         self.state_sd = jnp.asarray(np.where(states.std(0) > 1e-9, states.std(0), 1.0))
-        self.mean, self.sd = scale_of(np.asarray(self._raw(jnp.asarray(states), jnp.asarray(inputs))))
+        self.seen = Seen(scene, motions)
         longest = max(m.steps for m in motions)
         self.states = jnp.stack([jnp.pad(m.states, ((0, longest - m.steps), (0, 0))) for m in motions])
         self.inputs = jnp.stack([jnp.pad(m.inputs, ((0, longest - m.steps), (0, 0))) for m in motions])
@@ -83,12 +83,6 @@ class _Game:
         decay = optax.linear_schedule(options.policy_rate, 0.05 * options.policy_rate, options.iterations)
         self.policy_adam = optax.chain(optax.clip_by_global_norm(10.0), optax.adam(decay, b1=0.8))
         self.critic_adam = optax.adam(options.critic_rate, b1=0.5)
-
-    def _raw(self, states: Array, inputs: Array) -> Array:
-        return jnp.concatenate([observed(states, self.scene.angles.tolist()), inputs], -1)
-
-    def seen(self, states: Array, inputs: Array) -> Array:
-        return jnp.clip((self._raw(states, inputs) - self.mean) / self.sd, -20, 20)
 
     def starts(self, key: Array) -> tuple[Array, Array]:
         """Demonstrated states, and what was demonstrated from there on: an expert's rollouts are then the
@@ -166,6 +160,22 @@ class _Game:
         return _State(weights, critic, adam, carry[1], average), gap
 
 
+def play(one_round: Any, state: Any, key: Array, iterations: int,
+         progress: Callable[[float], None] | None) -> tuple[Any, list[float]]:
+    """Rounds (state, key) -> (state, gap). Ctrl-C ends them with what was reached."""
+    step, gap = eqx.filter_jit(one_round), []
+    try:
+        for i in range(iterations):
+            state, apart = step(state, jax.random.fold_in(key, i))
+            gap.append(float(apart))
+            if progress:
+                progress((i + 1) / iterations)
+    except KeyboardInterrupt:
+        if not gap:
+            raise
+    return state, gap
+
+
 def fit_policy(scene: Scene, motions: Sequence[Motion], options: AdversarialOptions,
                progress: Callable[[float], None] | None = None) -> Adversarial:
     """Begins at behaviour cloning; the policy that is returned is the running average of the weights, for the two sides
@@ -173,18 +183,9 @@ def fit_policy(scene: Scene, motions: Sequence[Motion], options: AdversarialOpti
     key_policy, key_critic, key = jax.random.split(jax.random.key(options.seed), 3)
     cloned = clone(scene, motions, key_policy)
     game = _Game(scene, motions, options, cloned)
-    critic = eqx.nn.MLP(len(game.mean), 1, HIDDEN, 2, jax.nn.tanh, key=key_critic)
+    critic = eqx.nn.MLP(game.seen.size, 1, HIDDEN, 2, jax.nn.tanh, key=key_critic)
     weights, fixed = split(cloned)
     state = _State(weights, critic, game.policy_adam.init(weights),
                    game.critic_adam.init(eqx.filter(critic, eqx.is_inexact_array)), weights)
-    step, gap = eqx.filter_jit(game.round), []
-    try:
-        for i in range(options.iterations):
-            state, apart = step(state, jax.random.fold_in(key, i))
-            gap.append(float(apart))
-            if progress:
-                progress((i + 1) / options.iterations)
-    except KeyboardInterrupt:
-        if not gap:
-            raise
+    state, gap = play(game.round, state, key, options.iterations, progress)
     return Adversarial(eqx.combine(state.average, fixed), cloned, gap)

@@ -12,6 +12,7 @@ from .adversarial import Adversarial, AdversarialOptions, fit_policy
 from .cost import Cost, make_cost, motion_features, rollout_features, whole_cost
 from .expand import expand, sides
 from .expansion import FREE, GIVEN
+from .iq import IqOptions, fit_iq
 from .matching import Matched, match
 from .maxent import Fit, Target, Weight, fit_weights
 from .plan import Planner
@@ -19,7 +20,7 @@ from .problem import Demonstration, ImitationError, Motion, Numbers, Problem
 from .robot_text import number, suggestion, weights, with_numbers
 
 MOST_REPLAYED = 6
-POLICY_METHODS = ("adversarial", "wasserstein")
+POLICY_METHODS = ("adversarial", "wasserstein", "iq_learn")
 
 
 @dataclass
@@ -186,9 +187,12 @@ def _policy(problem: Problem, o: Options, result: Imitated, progress: Progress) 
     scene, demonstrations = problem.scene, problem.demonstrations
     motions = [d.motion for d in demonstrations]
     result.horizon = min(result.horizon, max(m.steps for m in motions))
-    fit = fit_policy(scene, motions, AdversarialOptions(wasserstein=o.method == "wasserstein", seed=o.seed,
-                                                        iterations=o.iterations, steps=result.horizon),
-                     (lambda share: progress(f"learning {share:4.0%}")) if progress else None)
+    told = (lambda share: progress(f"learning {share:4.0%}")) if progress else None
+    if o.method == "iq_learn":
+        fit = fit_iq(scene, motions, IqOptions(seed=o.seed, iterations=o.iterations, steps=result.horizon), told)
+    else:
+        fit = fit_policy(scene, motions, AdversarialOptions(wasserstein=o.method == "wasserstein", seed=o.seed,
+                                                            iterations=o.iterations, steps=result.horizon), told)
     result.acting, spread, cost = fit, spread_of(problem), whole_cost(problem, problem.text, problem.rate_weight)
     for d in demonstrations:
         u = jnp.asarray(d.motion.inputs)

@@ -61,6 +61,20 @@ def pairs(motions: Sequence[Motion]) -> tuple[Numbers, Numbers]:
     return np.concatenate([m.states[:-1] for m in motions]), np.concatenate([m.inputs for m in motions])
 
 
+class Seen:
+    """What a critic sees of (x, u): states as the policy does, inputs beside them, in deviations of the shown ones."""
+
+    def __init__(self, scene: Scene, motions: Sequence[Motion]) -> None:
+        self._angles = scene.angles.tolist()
+        states, inputs = map(jnp.asarray, pairs(motions))
+        self._mean, self._sd = scale_of(np.asarray(jnp.concatenate([observed(states, self._angles), inputs], -1)))
+        self.size = len(self._mean)
+
+    def __call__(self, states: Array, inputs: Array) -> Array:
+        raw = jnp.concatenate([observed(states, self._angles), inputs], -1)
+        return jnp.clip((raw - self._mean) / self._sd, -20, 20)
+
+
 def clone(scene: Scene, motions: Sequence[Motion], key: Array, steps: int = 2000) -> Policy:
     """Behaviour cloning: least squares to the demonstrated inputs."""
     states, inputs = map(jnp.asarray, pairs(motions))

@@ -14,6 +14,10 @@ from .network import HIDDEN, observed, weights_of
 from .problem import Motion, Numbers, Problem
 
 
+NAMES = {"adversarial": "adversarial imitation", "wasserstein": "adversarial imitation, Wasserstein",
+         "iq_learn": "IQ-Learn"}
+
+
 def _judgement(varies: bool, identified: bool) -> str:
     if not varies:
         return "never has a slope here: stays"
@@ -59,10 +63,9 @@ def _policy(problem: Problem, o: Options, result: Imitated) -> str:
     assert result.acting is not None
     gap = result.acting.gap
     tenth = max(1, len(gap) // 10)
-    name = "adversarial imitation" + (", Wasserstein" if o.method == "wasserstein" else "")
-    text = (f"{problem.name}: {len(problem.demonstrations)} demonstrations; a policy by {name}, {len(gap)} iterations, "
+    text = (f"{problem.name}: {len(problem.demonstrations)} demonstrations; a policy by {NAMES[o.method]}, {len(gap)} iterations, "
             f"rollouts of {result.horizon} periods\nnetwork: {len(problem.seen)} inputs, {HIDDEN} x {HIDDEN}, "
-            f"{len(weights_of(result.acting.policy))} weights\nwhat the critic still tells apart: "
+            f"{len(weights_of(result.acting.policy))} weights\nwhat the critic (of IQ-Learn: Q) still tells apart: "
             f"{np.mean(gap[-tenth:]):.3g} (first tenth of the iterations: {np.mean(gap[:tenth]):.3g})\n"
             f"\n  {'demonstration':32} {'periods':>8} {'at limits':>10} {'distance':>12} {'of cloning':>12}\n")
     for r in result.replayed:
