@@ -2,6 +2,7 @@
 
 #include "tools/base/output_file.hpp"
 #include "tools/cli/demonstrations.hpp"
+#include "tools/cli/learn_data.hpp"
 #include "tools/command/commands.hpp"
 #include "tools/logs/log_formats.hpp"
 #include "tools/open/robot_open.hpp"
@@ -117,6 +118,7 @@ void add_data_command(CLI::App& app, int& exit_code) {
   data->require_subcommand(1);
   add_infer_data(*data, exit_code);
   add_imitate_data(*data, exit_code);
+  add_learn_data(*data, exit_code);
   data->footer("A laboratory asks for this by itself; a script of your own may ask for it too.");
 }
 

@@ -22,7 +22,6 @@
 #include "tools/gap/report/outputs.hpp"
 #include "tools/gap/report/robot_writer.hpp"
 #include "tools/gap/residual/residual_writer.hpp"
-#include "tools/learn/learnt_writer.hpp"
 #include "tools/open/robot_open.hpp"
 
 namespace tiller::tools {
@@ -130,26 +129,33 @@ std::vector<std::uint32_t> residual_joints(const gap::Result& result) {
   return joints;
 }
 
-/// Where learnt forces beat the nine weights of a residual on logs that neither has seen, they go into `text` in its
-/// place, and the network beside it.
-bool add_learnt(const GapOptions& options, const RobotFile& robot, const std::vector<Grid>& grids, std::string& text) {
+/// Where the laboratory `learn` is installed and its forces beat the nine weights of a residual on logs that neither has
+/// seen, its robot file takes the place of `text`, with the network beside it. Where it is not, that is said.
+bool add_learnt(const GapOptions& options, const RobotFile& robot, std::string& text) {
   std::string error;
-  const auto found = parse_robot_file(text, robot.path, error);
-  if (!found) return false;
-  learn::LearnOptions how;
-  how.stop = &stop_requested;
-  how.beat_residual = true;
-  learn::Learnt learnt;
+  if (!run_python_tool("laboratory", {"--check"}, error)) {
+    std::fprintf(stderr, "gap: nine weights at one joint are offered, for the laboratory `tiller learn`, which would "
+                         "learn forces at all joints, is not installed: pip install 'tiller[labs]', or run it once\n");
+    return false;
+  }
   std::fprintf(stderr, "gap: learning what is left at all joints (tiller learn)\n");
-  if (!learn::learn(*found, grids, how, learnt, error) || learnt.chosen < 0 || stop_requested != 0) return false;
-  const std::string file = robot.name + "_gap_network.json";
-  const StoredNetwork& network = learnt.candidates[static_cast<std::size_t>(learnt.chosen)].network;
-  if (!save_network((fs::path(options.folder) / file).string(), network, error)) return complain(error), false;
-  std::string with;
-  if (!learn::learnt_robot_text(*found, text, learnt, file, with, error)) return complain(error), false;
-  text = with;
-  if (!options.json) std::printf("%s\n", learnt.why.c_str());
-  return true;
+  const std::string stem = robot.name + "_gap";
+  const fs::path folder = options.folder, begin = folder / (stem + "_before.toml"),
+                 learnt = folder / (stem + "_learnt.toml");
+  if (!replace_file(begin.string(), text, error)) return complain(error), false;
+  Words words = {"learn", begin.string(), "-o", folder.string(), "--stem", stem, "--no-catalogue", "--beat-residual",
+                 "--quiet"};
+  words.insert(words.end(), options.find.logs.begin(), options.find.logs.end());
+  const bool good = run_python_tool("laboratory", words, error);
+  const bool taken = good && stop_requested == 0 && read_text(learnt.string(), text);
+  std::error_code ignored;
+  fs::remove(begin, ignored);
+  fs::remove(learnt, ignored);
+  if (taken && !options.json)
+    std::printf("forces at all joints were learnt (tiller learn): %s\n", (folder / "learn.html").c_str());
+  else if (!good && !options.json)
+    std::printf("tiller learn has nothing better than nine weights at one joint\n");
+  return taken;
 }
 
 /// Puts the unnamed effect for what is left into `text`, and its joint law beside the file; `text` stays where the logs
@@ -172,7 +178,7 @@ bool add_residual(const GapOptions& options, const RobotFile& robot, const gap::
   if (!gap::load_logs(robot, options.find.logs, options.find.most_steps, false, logs, grids, nullptr, scratch))
     return false;
   const bool offered = gap::offer_residual(text, robot.path, grids, kVeryStrong_nats, offer, error, search);
-  if (stop_requested == 0 && add_learnt(options, robot, grids, text)) return true;
+  if (stop_requested == 0 && add_learnt(options, robot, text)) return true;
   if (!offered) {
     if (!options.json && !error.empty()) std::printf("nothing is learnt of the rest: %s\n", error.c_str());
     return false;

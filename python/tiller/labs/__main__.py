@@ -14,6 +14,7 @@ from . import _install
 LABORATORIES = {"infer": "learn the parameters of a simulator of your own from logs of the robot",
                 "imitate": "learn the weights of the cost, or a policy, from demonstrations",
                 "distill": "teach a small network what a planner does, for small targets",
+                "learn": "learn forces that no known effect explains, on top of the physics",
                 "tune": "search settings of planner, cost and priors on the simulated plant"}
 
 
