@@ -133,10 +133,41 @@ def _search(a: argparse.Namespace, robot: _core.Robot, task: Task) -> int:
     return code
 
 
+def _guide(a: argparse.Namespace, robot: _core.Robot, task: Task) -> int:
+    from .policies.feedback import document
+    from .policies.guided import GuidedOptions, GuidedResult, GuidedStep, guided_search
+    from .policies.plant import measured_deviation
+    from .policies.starts import conditions_of, goal_of
+
+    def after(step: GuidedStep, index: int) -> None:
+        kept = f"; {step.kept} of {a.conditions} starts found no laws within epsilon and keep theirs" * bool(step.kept)
+        if not a.quiet:
+            print(f"iteration {index + 1}: cost {step.local_cost:.4g} by the local laws, {step.policy_cost:.4g} by the "
+                  f"network; divergence {step.divergence:.2g} a period{kept}", file=sys.stderr, flush=True)
+
+    o = GuidedOptions(a.iterations, epsilon=a.epsilon, seed=a.seed)
+    result, code = GuidedResult(), 0
+    try:
+        guided_search(task, goal_of(robot, task), conditions_of(robot, task, a.conditions, a.seed),
+                      measured_deviation(robot, a.period), o, after, result)
+    except KeyboardInterrupt:
+        if result.network is None:
+            raise
+        print("\ntiller policy: interrupted; the best round's network is written", file=sys.stderr)
+        code = 130
+    assert result.network is not None
+    if not a.quiet:
+        print(f"iteration {result.best + 1} is the best", file=sys.stderr)
+    _write(a, document(task, result.network, "cut"))
+    return code
+
+
 def run(a: argparse.Namespace) -> int:
     robot = _read(a)
     from .policies.physics import physics_of
     from .policies.task import make_task
 
-    physics = physics_of(robot, a.period) if a.physics and a.method != "guided" else None
-    return _search(a, robot, make_task(robot, a.period, a.seconds, a.width, physics=physics))
+    guided = a.method == "guided"
+    physics = physics_of(robot, a.period) if a.physics or guided else None
+    task = make_task(robot, a.period, a.seconds, a.width, physics=physics)
+    return _guide(a, robot, task) if guided else _search(a, robot, task)
