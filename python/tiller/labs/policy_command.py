@@ -137,7 +137,7 @@ def _guide(a: argparse.Namespace, robot: _core.Robot, task: Task) -> int:
     from .policies.feedback import document
     from .policies.guided import GuidedOptions, GuidedResult, GuidedStep, guided_search
     from .policies.plant import measured_deviation
-    from .policies.starts import conditions_of, goal_of
+    from .policies.starts import conditions_of, goal_of, refit_of
 
     def after(step: GuidedStep, index: int) -> None:
         kept = f"; {step.kept} of {a.conditions} starts found no laws within epsilon and keep theirs" * bool(step.kept)
@@ -149,7 +149,7 @@ def _guide(a: argparse.Namespace, robot: _core.Robot, task: Task) -> int:
     result, code = GuidedResult(), 0
     try:
         guided_search(task, goal_of(robot, task), conditions_of(robot, task, a.conditions, a.seed),
-                      measured_deviation(robot, a.period), o, after, result)
+                      measured_deviation(robot, a.period), o, after, result, refit_of(robot, task))
     except KeyboardInterrupt:
         if result.network is None:
             raise

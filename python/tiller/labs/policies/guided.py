@@ -12,9 +12,12 @@ from .guide import Goal, best_motion
 from .laws import Law, Quadratic, divergence, kl_lqr, passage
 from .local import Data, LinearStep, fit_mixture, fit_step, prior_of_mixture, prior_of_model
 from .minimise import Numbers
+from .physics import Physics
 from .plant import RunTrial, Trial
 from .student import Student
 from .task import Task
+
+MOST_ROWS = 400  # transitions that the model is fitted to
 
 
 class Condition(NamedTuple):
@@ -61,15 +64,23 @@ class Local:
         self.cost, self.expected = np.inf, np.inf
         self.models: list[LinearStep] = []
 
+    def transitions(self, k: int) -> Numbers:
+        return np.array([np.concatenate([t.measured[k], t.command[k], t.measured[k + 1]]) for t in self.trials])
+
     def measured(self, k: int) -> Numbers:
         return np.array([t.measured[k] for t in self.trials])
 
 
+Refit = Callable[[Numbers], Physics]  # the model fitted to transitions (N, 2 nx + nu)
+
+
 class Guided:
-    def __init__(self, task: Task, goal: Goal, conditions: list[Condition], noise_sd: Numbers, o: GuidedOptions) -> None:
+    def __init__(self, task: Task, goal: Goal, conditions: list[Condition], noise_sd: Numbers, o: GuidedOptions,
+                 refit: Refit | None = None) -> None:
         assert task.physics is not None and conditions
         self._task, self._goal, self._conditions, self._o = task, goal, conditions, o
         self._measured = noise_sd**2
+        self._refit, self._rows = refit, []
         self._physics = jax.jit(jax.vmap(task.physics))
         self._student, self._noise, self._taught = Student(task, o.hidden, o.seed), np.eye(task.nu), False
         self._costs = [self._quadratic(k == task.horizon) for k in range(task.horizon + 1)]
@@ -81,6 +92,9 @@ class Guided:
             step = GuidedStep()
             for c, local in enumerate(locals_):
                 self._sample(c, local, i, step)
+            if self._refit is not None:
+                self._learn_physics(locals_)
+            for local in locals_:
                 self._improve(local, step)
             self._teach(locals_)
             self._judge(i, step)
@@ -122,11 +136,18 @@ class Guided:
         local.cost = cost
         step.local_cost += cost * o.samples * share
 
+    def _learn_physics(self, locals_: list[Local]) -> None:
+        """What all conditions share, the model's parameters, by all transitions so far."""
+        assert self._refit is not None
+        self._rows += [local.transitions(k) for local in locals_ for k in range(self._task.horizon)]
+        rows = np.concatenate(self._rows)
+        if len(rows) > MOST_ROWS:
+            rows = rows[np.random.default_rng([self._o.seed, len(rows)]).choice(len(rows), MOST_ROWS, replace=False)]
+        self._physics = jax.jit(jax.vmap(self._refit(rows)))
+
     def _fit(self, local: Local) -> list[LinearStep]:
         task, models = self._task, []
-        rows = [np.array([np.concatenate([t.measured[k], t.command[k], t.measured[k + 1]]) for t in local.trials])
-                for k in range(task.horizon)]
-        data = [Data.of(r) for r in rows]
+        data = [Data.of(local.transitions(k)) for k in range(task.horizon)]
         nz = task.nx + task.nu
         after, slopes = map(np.asarray, self._physics(np.array([d.mean[:nz] for d in data])))
         for d, next_state, slope in zip(data, after, slopes, strict=True):
@@ -205,8 +226,8 @@ class Guided:
 
 
 def guided_search(task: Task, goal: Goal, conditions: list[Condition], noise_sd: Numbers, o: GuidedOptions,
-                  after: Callable[[GuidedStep, int], None], result: GuidedResult) -> None:
+                  after: Callable[[GuidedStep, int], None], result: GuidedResult, refit: Refit | None = None) -> None:
     """An iteration runs each condition a few times under its laws, fits a linear model to each period with the
-    physics' derivative as prior, finds laws of less cost within a divergence of the network, linearised by regression
+    physics' derivative as prior (at parameters that `refit` fits to all runs), finds laws of less cost within a divergence of the network, linearised by regression
     where the samples are, and fits the network to all laws (Montgomery and Levine, NIPS 2016)."""
-    Guided(task, goal, conditions, noise_sd, o).run(after, result)
+    Guided(task, goal, conditions, noise_sd, o, refit).run(after, result)

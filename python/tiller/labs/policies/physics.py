@@ -1,4 +1,4 @@
-"""One period of the robot file's model at its priors' centre, its slope, and the slope's own derivative."""
+"""One period of the robot file's model, its slope, the slope's own derivative, and parameters that fit transitions."""
 from __future__ import annotations
 
 import math
@@ -7,11 +7,13 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 import tomlkit
 
 from ... import _core
 from ...jax import rollout
 from ..robot_text import with_words
+from .minimise import Numbers
 from .moments import Array
 
 MOST_SUBSTEPS = 64
@@ -36,13 +38,14 @@ def at_period(robot: _core.Robot, period_s: float) -> _core.Robot:
     return _core.Robot.from_text(with_words(text, {"model": {"period_s": period_s, "substeps": finer}}), robot.path)
 
 
-def physics_of(robot: _core.Robot, period_s: float) -> Physics:
+def physics_of(robot: _core.Robot, period_s: float, params: Numbers | None = None) -> Physics:
     """z = (x, u) (nx + nu) -> the state a period later and its slope, differentiable in reverse: the kernel has first
-    derivatives, and those of the slope are central differences. Effects with a memory begin at rest."""
+    derivatives, and those of the slope are central differences. Effects with a memory begin at rest. params (np); None:
+    the priors' centre."""
     coarse, nx = at_period(robot, period_s), len(robot.states)
 
     def step(z: Array) -> Array:
-        return rollout(coarse, z[..., :nx], z[..., None, nx:], threads=1)[..., 1, :]
+        return rollout(coarse, z[..., :nx], z[..., None, nx:], params, threads=1)[..., 1, :]
 
     @jax.custom_vjp
     def linearised(z: Array) -> tuple[Array, Array]:
@@ -61,3 +64,41 @@ def physics_of(robot: _core.Robot, period_s: float) -> Physics:
 
     linearised.defvjp(forward, backward)
     return linearised
+
+
+def fit_params(robot: _core.Robot, period_s: float, rows: Numbers, variance: Numbers, iterations: int = 6) -> Numbers:
+    """(np) parameters of the largest posterior of transitions: rows (N, nx + nu + nx) of states, commands and next
+    states, measured with `variance` (nx). Gauss-Newton from the priors' moments, each taken for a normal one; a
+    transition's error has the measurements' covariance, that before it through the slope (errors in variables)."""
+    coarse, nx = at_period(robot, period_s), len(robot.states)
+    draws = _core.draw_params(robot, 1, 512)
+    centre, sd = draws.mean(0), draws.std(0)
+    bounds = [(p.get("low", -np.inf), p.get("high", np.inf)) for p in robot.priors.values()]
+    low, high = np.array(bounds, float).reshape(-1, 2).T
+    free = np.flatnonzero(np.ptp(draws, axis=0) > 0)
+    if not free.size:
+        return centre
+    z, after = rows[:, :-nx], rows[:, -nx:]
+
+    def step(z: Array, params: Array) -> Array:
+        return rollout(coarse, z[:nx], z[None, nx:], params, threads=1)[1]
+
+    @jax.jit
+    def expand(params: Array) -> tuple[Array, Array, Array]:
+        many = lambda f: jax.vmap(f, (0, None))(z, params)
+        return many(step), many(jax.jacfwd(step, 0))[:, :, :nx], many(jax.jacfwd(step, 1))
+
+    now, best, least = centre.copy(), centre, np.inf
+    for _ in range(iterations):
+        value, slope, by = (np.asarray(a, float) for a in expand(now))
+        noise = np.einsum("nij,j,nkj->nik", slope, variance, slope) + np.diag(variance + 1e-12)
+        off, by = after - value, by[:, :, free] * sd[free]
+        sharp = np.linalg.solve(noise, np.concatenate([by, off[:, :, None]], 2))
+        share = (now - centre)[free] / sd[free]
+        surprise = float((off * sharp[:, :, -1]).sum() + np.linalg.slogdet(noise)[1].sum() + share @ share)
+        if surprise < least:
+            best, least = now.copy(), surprise
+        bend = np.einsum("nia,nib->ab", by, sharp[:, :, :-1]) + np.eye(free.size)
+        move = np.linalg.solve(bend, np.einsum("nia,ni->a", by, sharp[:, :, -1]) - share)
+        now[free] = np.clip(now[free] + sd[free] * np.clip(move, -1, 1), low[free], high[free])
+    return best

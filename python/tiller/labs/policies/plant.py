@@ -36,16 +36,18 @@ def measured_deviation(robot: _core.Robot, period_s: float) -> Numbers:
 
 
 class PlantTrials:
-    """The plant itself is the same in all trials: what [sim] draws is drawn once, by the file's seed."""
+    """The plant itself is the same in all trials: what [sim] draws is drawn once, by plant_seed or the
+    file's seed."""
 
     def __init__(self, robot: _core.Robot, period_s: float, horizon: int, noise_sd: Numbers, start_mean: Numbers,
-                 start_covariance: Numbers, seed: int, stream: int = 0) -> None:
+                 start_covariance: Numbers, seed: int, stream: int = 0,
+                 plant_seed: int | None = None) -> None:
         self._robot, self._period_s, self._horizon, self._noise_sd = robot, period_s, horizon, noise_sd
         self._start, self._spread = start_mean, np.linalg.cholesky(start_covariance + 1e-18 * np.eye(len(start_mean)))
         self._seed = [seed, 92, stream]
         with open(robot.path, encoding="utf-8") as file:
             self._text = file.read()
-        self._params = _core.Plant(robot).true_params
+        self._params = np.array(_core.Plant(robot, plant_seed).true_params)
 
     def _plant(self, start: Numbers, seed: int) -> _core.Plant:
         named = {name: float(v) for name, v in zip(self._robot.states, start, strict=True)}

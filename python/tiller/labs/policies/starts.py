@@ -5,7 +5,8 @@ import numpy as np
 
 from ... import _core
 from .guide import Goal
-from .guided import Condition
+from .guided import Condition, Refit
+from .physics import fit_params, physics_of
 from .plant import PlantTrials, measured_deviation
 from .task import Task
 
@@ -15,6 +16,12 @@ def goal_of(robot: _core.Robot, task: Task) -> Goal:
     facts = _core.training_facts(robot)
     return Goal(robot.target, facts["state_weight"], facts["terminal_weight"], np.maximum(facts["input_weight"], 1e-6),
                 task.low, task.high)
+
+
+def refit_of(robot: _core.Robot, task: Task) -> Refit:
+    """The robot file's model at parameters that fit transitions."""
+    variance = measured_deviation(robot, task.period_s)**2
+    return lambda rows: physics_of(robot, task.period_s, fit_params(robot, task.period_s, rows, variance))
 
 
 def conditions_of(robot: _core.Robot, task: Task, count: int, seed: int) -> list[Condition]:
