@@ -51,7 +51,7 @@ def test_the_runtime_answers_as_the_laboratory(tmp_path, kind):
     runtime = under(path)
     for x in ([0.3, -1.0], [2.0, 4.0], [-3.0, 0.1]):
         # its weights are in single precision, and the bumps' are hundreds that nearly cancel
-        assert answers(runtime, x) == pytest.approx(np.asarray(command(task, policy, np.array(x))), abs=1e-3)
+        assert answers(runtime, x) == pytest.approx(np.asarray(command(task, policy)(np.array(x))), abs=1e-3)
 
 
 @pytest.mark.parametrize("method", [[], ["--method", "reps", "--kind", "linear"]])

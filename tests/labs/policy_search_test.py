@@ -270,7 +270,7 @@ def example(kind):
 def test_a_policy_stays_within_its_limits(kind):
     task, policy = turning_task(), example(kind)
     for i in range(-20, 21):
-        assert -2 <= float(command(task, policy, jnp.array([0.3 * i, 2.0 * i]))[0]) <= 3
+        assert -2 <= float(command(task, policy)(jnp.array([0.3 * i, 2.0 * i]))[0]) <= 3
 
 
 def test_a_file_has_as_many_weights_as_its_form_asks_for():

@@ -1,9 +1,9 @@
 """Policies with parameters to search, what they answer, and the file that the runtime reads."""
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -20,11 +20,14 @@ class Linear(NamedTuple):
     weight: Array  # (nu, features seen)
     bias: Array  # (nu)
 
-    def moments(self, f: Normal) -> Moments:
-        return Moments(self.weight @ f.mean + self.bias, self.weight @ f.covariance @ self.weight.T, self.weight.T)
+    def of_normal(self) -> Callable[[Normal], Moments]:
+        """v at features that are normal."""
+        return lambda f: Moments(self.weight @ f.mean + self.bias, self.weight @ f.covariance @ self.weight.T,
+                                 self.weight.T)
 
-    def values(self, f: Array) -> Array:
-        return self.weight @ f + self.bias
+    def of_values(self) -> Callable[[Array], Array]:
+        """v (nu) at features."""
+        return lambda f: self.weight @ f + self.bias
 
     def network(self) -> dict[str, Any]:
         rows = np.concatenate([np.asarray(self.bias)[:, None], self.weight], 1)
@@ -46,11 +49,15 @@ class Bells(NamedTuple):
         outputs = len(self.targets)
         return Bumps(self.points, jnp.tile(self.log_length, (outputs, 1)), jnp.zeros(outputs), beta)
 
-    def moments(self, f: Normal) -> Moments:
-        return bump_moments(self.bumps(), f)
+    def of_normal(self) -> Callable[[Normal], Moments]:
+        """v at features that are normal. The system of equations is solved here, once for a whole forecast."""
+        b = self.bumps()
+        return lambda f: bump_moments(b, f)
 
-    def values(self, f: Array) -> Array:
-        return bump_values(self.bumps(), f)[0]
+    def of_values(self) -> Callable[[Array], Array]:
+        """v (nu) at features."""
+        b = self.bumps()
+        return lambda f: bump_values(b, f)[0]
 
     def network(self) -> dict[str, Any]:
         outputs = np.pad(np.asarray(self.bumps().beta), ((0, 0), (1, 0)))  # no bias
@@ -74,15 +81,10 @@ def make_feedback(task: Task, kind: str, bumps: int, f: Normal, deviation: float
     return Bells(points, np.log(length), deviation * rng.standard_normal((task.nu, bumps)))
 
 
-def command(task: Task, policy: Feedback, x: Array) -> Array:
+def command(task: Task, policy: Feedback) -> Callable[[Array], Array]:
     """(nu) at a state (nx)."""
-    seen = features(task.angles, x)[np.array(task.seen)]
-    return squash(policy.values(seen), task.low, task.high)
-
-
-def controller(task: Task, policy: Feedback) -> Any:
-    answer = jax.jit(lambda x: command(task, policy, x))
-    return lambda x, k: np.asarray(answer(x))
+    values, seen = policy.of_values(), np.array(task.seen)
+    return lambda x: squash(values(features(task.angles, x)[seen]), task.low, task.high)
 
 
 def document(task: Task, network: dict[str, Any], squashed_by: str) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """What a policy is expected to cost on the learnt dynamics: PILCO's cascade of normal distributions."""
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
@@ -8,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .feedback import Feedback
-from .moments import Array, Bumps, Normal, bump_moments, saturating_cost, squashed, with_sines
+from .moments import Array, Bumps, Moments, Normal, bump_moments, saturating_cost, squashed, with_sines
 from .task import Task
 
 
@@ -19,10 +20,10 @@ class Forecast(NamedTuple):
     cost: Array  # (horizon + 1)
 
 
-def _with_commands(task: Task, policy: Feedback, f: Normal) -> Normal:
+def _with_commands(task: Task, policy: Callable[[Normal], Moments], f: Normal) -> Normal:
     """Features and, behind them, the commands that the policy gives for them."""
     seen = np.array(task.seen)
-    before = policy.moments(Normal(f.mean[seen], f.covariance[np.ix_(seen, seen)]))
+    before = policy(Normal(f.mean[seen], f.covariance[np.ix_(seen, seen)]))
     after = squashed(Normal(before.mean, before.covariance), task.low, task.high)
     across = f.covariance[:, seen] @ before.gain @ after.gain
     return Normal(jnp.concatenate([f.mean, after.mean]),
@@ -52,9 +53,10 @@ def forecast(task: Task, process: Bumps, policy: Feedback) -> Forecast:
     runs away."""
     def period(state: Normal, _: None) -> tuple[Normal, tuple[Normal, Array]]:
         f = with_sines(state, task.angles)
-        after = _next(task, process, _with_commands(task, policy, f))
+        after = _next(task, process, _with_commands(task, answer, f))
         return after, (state, saturating_cost(f, task.target, task.weight))
 
+    answer = policy.of_normal()
     start = Normal(jnp.asarray(task.start_mean), jnp.asarray(task.start_covariance))
     last, (states, cost) = jax.lax.scan(period, start, None, task.horizon)
     end = saturating_cost(with_sines(last, task.angles), task.target, task.weight)

@@ -66,7 +66,7 @@ def bump_moments(b: Bumps, of: Normal) -> Moments:
 
     mean, gain = jax.vmap(one)(b.log_length, square, b.log_signal, b.beta)
     rows, columns = np.triu_indices(len(b.beta))
-    second = jnp.stack([pair(i, j) for i, j in zip(rows, columns, strict=True)])
+    second = jax.vmap(pair)(rows, columns)
     full = jnp.zeros((len(b.beta),) * 2).at[rows, columns].set(second).at[columns, rows].set(second)
     own = jnp.exp(2 * b.log_signal) if b.w is not None else jnp.zeros(len(b.beta))
     return Moments(mean, full - jnp.outer(mean, mean) + jnp.diag(own), gain.T)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import jax
 import numpy as np
 
-from .feedback import Feedback, controller, make_feedback
+from .feedback import Feedback, command, make_feedback
 from .forecast import Forecast, forecast
 from .minimise import Numbers
 from .moments import Bumps, Normal, with_sines
@@ -75,6 +75,7 @@ def search_policy(task: Task, run: RunTrial, o: SearchOptions, improve: Improve,
     `result` as it goes, so that what an interrupt leaves is whole."""
     seen: list[tuple[Numbers, Numbers]] = []
     shape: Shape | None = None
+    answer = jax.jit(lambda policy, x: command(task, policy)(x))
     predict = jax.jit(lambda process, policy: forecast(task, process, policy))
     policy = make_feedback(task, o.kind, o.bumps, start_features(task), 0.1, [o.seed, 91, 0])
     for i in range(o.random_trials + o.trials):
@@ -89,7 +90,7 @@ def search_policy(task: Task, run: RunTrial, o: SearchOptions, improve: Improve,
             policy = improve(process, policy, i)
             expected = Forecast(*map(np.asarray, predict(process, policy)))
             seconds = time.monotonic() - begun
-            trial = run(controller(task, policy), i)
+            trial = run(lambda x, k, p=policy: np.asarray(answer(p, x)), i)  # type: ignore[misc]
             step = SearchStep(trial, realised_cost(task, trial), float(expected.cost[1:].sum()), seconds, expected)
             result.policy = policy
         seen.append(transitions(task, trial))
