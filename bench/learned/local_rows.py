@@ -175,7 +175,7 @@ def guided_figures(name, seed):
 
     def after(step, index):
         print(f"{name}, seed {seed}, iteration {index + 1}: {step.local_cost:.4g} by the local laws, "
-              f"{step.policy_cost:.4g} by the network; divergence {step.divergence:.2g}, kept {step.kept}",
+              f"{step.policy_cost:.4g} by the network; divergence {step.divergence:.2g}, apart {step.apart}",
               file=sys.stderr, flush=True)
 
     guided_search(task, goal, conditions, measured_deviation(robot, 0.1), GuidedOptions(seed=seed), after, result,

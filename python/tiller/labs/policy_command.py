@@ -140,10 +140,10 @@ def _guide(a: argparse.Namespace, robot: _core.Robot, task: Task) -> int:
     from .policies.starts import conditions_of, goal_of, refit_of
 
     def after(step: GuidedStep, index: int) -> None:
-        kept = f"; {step.kept} of {a.conditions} starts found no laws within epsilon and keep theirs" * bool(step.kept)
+        apart = f"; at {step.apart} of {a.conditions} starts laws near the network would cost more" * bool(step.apart)
         if not a.quiet:
             print(f"iteration {index + 1}: cost {step.local_cost:.4g} by the local laws, {step.policy_cost:.4g} by the "
-                  f"network; divergence {step.divergence:.2g} a period{kept}", file=sys.stderr, flush=True)
+                  f"network; divergence {step.divergence:.2g} a period{apart}", file=sys.stderr, flush=True)
 
     o = GuidedOptions(a.iterations, epsilon=a.epsilon, seed=a.seed)
     result, code = GuidedResult(), 0

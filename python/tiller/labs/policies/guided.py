@@ -9,7 +9,7 @@ import jax
 import numpy as np
 
 from .guide import Goal, best_motion
-from .laws import Law, Quadratic, divergence, kl_lqr, passage
+from .laws import Law, Quadratic, expected_cost, kl_lqr, passage
 from .local import Data, LinearStep, fit_mixture, fit_step, prior_of_mixture, prior_of_model
 from .minimise import Numbers
 from .physics import Physics
@@ -45,7 +45,7 @@ class GuidedStep:
     local_cost: float = 0.0
     policy_cost: float = 0.0
     divergence: float = 0.0  # of the new laws from the policy, nats a period, mean
-    kept: int = 0  # conditions whose laws stayed as they were, since none was found within epsilon
+    apart: int = 0  # conditions whose laws are near those before, since laws near the network would cost more
 
 
 @dataclass
@@ -66,6 +66,10 @@ class Local:
 
     def transitions(self, k: int) -> Numbers:
         return np.array([np.concatenate([t.measured[k], t.command[k], t.measured[k + 1]]) for t in self.trials])
+
+    def start(self) -> tuple[Numbers, Numbers]:
+        first = self.measured(0)
+        return first.mean(0), np.cov(first.T).reshape(first.shape[1], -1) + 1e-4 * np.eye(first.shape[1])
 
     def measured(self, k: int) -> Numbers:
         return np.array([t.measured[k] for t in self.trials])
@@ -187,17 +191,21 @@ class Guided:
         return costs
 
     def _improve(self, local: Local, step: GuidedStep) -> None:
-        """Laws of less cost near the network; where there are none, near the laws before; else those stay."""
-        first, horizon = local.measured(0), self._task.horizon
-        local.models = self._fit(local)
-        start = first.mean(0), np.cov(first.T).reshape(self._task.nx, -1) + 1e-4 * np.eye(self._task.nx)
+        """Laws of less cost near the network; where those would cost more than the laws before, near these; where
+        none are found, these stay."""
+        task, local.models = self._task, self._fit(local)
+        start = local.start()
+        # with what the quadratic costs leave out, so that a share of it means something
+        whole = 0.5 * self._goal.target**2 @ (task.horizon * self._goal.state + self._goal.terminal)
+        most = 1.1 * (whole + expected_cost(self._costs, passage(local.models, local.laws, *start)))
         for before in ([self._policy_about(local)] if self._taught else []) + [local.laws]:
-            found = kl_lqr(local.models, self._limited(before, local), before, *start, local.epsilon * horizon)
-            if found is not None:
+            found = kl_lqr(local.models, self._limited(before, local), before, *start, local.epsilon * task.horizon)
+            if found is not None and whole + expected_cost(
+                    self._costs, passage(local.models, found.laws, *start)) < most:
                 local.laws = found.laws
-                step.divergence += found.divergence / horizon / len(self._conditions)
-                return
-        step.kept += 1
+                step.divergence += found.divergence / task.horizon / len(self._conditions)
+                break
+            step.apart += self._taught and before is not local.laws
 
     def _teach(self, locals_: list[Local]) -> None:
         """min_pi sum_ik E_x KL(p_ik(u | x) || pi(u | x)): for normal laws a regression weighted by their precisions,
@@ -205,9 +213,7 @@ class Guided:
         x, wanted, precision = [], [], []
         rng = np.random.default_rng([self._o.seed, 99])
         for local in locals_:
-            first = local.measured(0)
-            start = first.mean(0), np.cov(first.T).reshape(self._task.nx, -1) + 1e-6 * np.eye(self._task.nx)
-            way = passage(local.models, local.laws, *start)
+            way = passage(local.models, local.laws, *local.start())
             for k, law in enumerate(local.laws):
                 nx = self._task.nx
                 drawn = rng.multivariate_normal(way.mean[k][:nx], way.covariance[k][:nx, :nx], self._o.drawn,
