@@ -33,7 +33,7 @@ from tiller import _core
 from tiller.labs.policies.adaptive import AdaptiveLqr, AdaptiveOptions
 from tiller.labs.policies.guided import GuidedOptions, GuidedResult, guided_search
 from tiller.labs.policies.local import Data, fit_mixture, fit_step, prior_of_mixture, prior_of_model
-from tiller.labs.policies.physics import fit_params, physics_of
+from tiller.labs.policies.physics import Model
 from tiller.labs.policies.plant import PlantTrials, measured_deviation
 from tiller.labs.policies.starts import conditions_of, goal_of, refit_of
 from tiller.labs.policies.task import make_task
@@ -65,7 +65,7 @@ def wander(robot, path, repeat):
 class Samples:
     def __init__(self, name, seed):
         self.robot, self.seed = robot_of(name), seed
-        self.nx = len(self.robot.states)
+        self.nx, self.model = len(self.robot.states), Model(self.robot, PERIOD_S)
         self.sd = measured_deviation(self.robot, PERIOD_S)
         run = PlantTrials(self.robot, PERIOD_S, PERIODS, self.sd, self.robot.initial_state, 1e-4 * np.eye(self.nx), seed,
                           plant_seed=seed)
@@ -85,11 +85,11 @@ class Samples:
         if kind == "mixture":
             return [prior_of_mixture(self.mixture, d, 5.0) for d in data]
         variance, nx = self.sd**2, self.nx
-        physics = physics_of(self.robot, PERIOD_S, fit_params(self.robot, PERIOD_S, np.concatenate(data), variance))
-        made = []
-        for d in map(Data.of, data):
+        moments, made = list(map(Data.of, data)), []
+        params = self.model.fit(np.concatenate(data), variance)
+        next_states, slopes, _ = map(np.asarray, self.model.expand(np.array([d.mean[:-nx] for d in moments]), params))
+        for d, after, slope in zip(moments, next_states, slopes, strict=True):
             at = d.mean[:-nx]
-            after, slope = map(np.asarray, physics(at))
             made.append(prior_of_model(at, after, slope, np.diag(np.diag(d.covariance)[:-nx] + 1e-8), variance,
                                        np.full(nx, 1e-8), 20.0))  # offsets show in few samples, slopes in many
         return made
@@ -139,7 +139,7 @@ def break_cost(name, seed, adapt):
     target, weight, low, high = np.array(target, float), np.array(weight, float), robot.input_low, robot.input_high
     run = PlantTrials(robot, FAST_S, TICKS, measured_deviation(robot, 0.1), target, 1e-4 * np.eye(len(target)), seed,
                       plant_seed=seed)
-    physics = physics_of(robot, FAST_S)
+    physics = Model(robot, FAST_S).physics()
     # a constant change of a period: what the whole range of the commands makes
     slope = np.asarray(physics(np.concatenate([target, np.zeros(len(low))]))[1])[:, len(target):]
     controller = AdaptiveLqr(physics, AdaptiveOptions(target, low, high, weight, 0.01 / high**2,
@@ -170,7 +170,7 @@ SECONDS = {"pendulum": 4.0, "cart_pole": 4.0, "planar_quadrotor": 3.0}
 
 def guided_figures(name, seed):
     robot = robot_of(name)
-    task = make_task(robot, 0.1, SECONDS[name], physics=physics_of(robot, 0.1))
+    task = make_task(robot, 0.1, SECONDS[name], physics=Model(robot, 0.1).physics())
     goal, conditions, result = goal_of(robot, task), conditions_of(robot, task, 4, seed), GuidedResult()
 
     def after(step, index):

@@ -18,7 +18,7 @@ from tiller.labs.__main__ import main
 from tiller.labs.policies.feedback import command, document, make_feedback
 from tiller.labs.policies.moments import Normal
 from tiller.labs.policies.plant import PlantTrials, measured_deviation
-from tiller.labs.policies.physics import physics_of
+from tiller.labs.policies.physics import Model
 from tiller.labs.policies.task import make_task
 from tiller.labs.robot_text import with_words
 
@@ -124,14 +124,15 @@ def test_trials_are_of_one_plant_with_noise_and_starts_of_their_own():
     assert off.std(0) == pytest.approx(sd, rel=0.2)  # 440 draws: five standard errors
     # a pendulum that is let go follows the model, whose parameters are near the plant's
     pushed = run(lambda x, k: np.array([1.0]), 2)
-    after = np.array([physics_of(robot, 0.1)(np.append(x, 1.0))[0] for x in pushed.truth[:-1]])
+    physics = Model(robot, 0.1).physics()
+    after = np.array([physics(np.append(x, 1.0))[0] for x in pushed.truth[:-1]])
     assert np.abs(after - pushed.truth[1:]).max() < 0.2 * np.ptp(pushed.truth, 0).max()
 
 
 def test_the_slopes_own_derivative_is_that_of_differences():
     import jax
 
-    physics = physics_of(_core.Robot.from_toml(PENDULUM), 0.1)
+    physics = Model(_core.Robot.from_toml(PENDULUM), 0.1).physics()
     z, by = np.array([1.0, -2.0, 0.5]), np.random.default_rng(1).standard_normal((2, 3))
     whole = lambda z: (physics(z)[1] * by).sum() + physics(z)[0].sum()
     found = np.asarray(jax.grad(whole)(z))

@@ -8,7 +8,7 @@ pytest.importorskip("jax")
 import jax.numpy as jnp
 
 from tiller.labs.policies.adaptive import AdaptiveLqr, AdaptiveOptions
-from tiller.labs.policies.guide import Goal, best_motion
+from tiller.labs.policies.guide import Goal, best_motions
 from tiller.labs.policies.guided import Condition, Guided, GuidedOptions, GuidedResult, guided_search
 from tiller.labs.policies.laws import Law, Quadratic, expected_cost, kl_lqr, passage, soft_lqr
 from tiller.labs.policies.local import Data, LinearStep, fit_mixture, fit_step, prior_of_mixture, prior_of_model
@@ -152,7 +152,7 @@ def test_a_network_learns_what_the_lqr_does():
 def test_a_networks_pointwise_slope_is_not_its_gain():
     """A network that is steep in its small print: at a point 200 N/m, over the samples the 2 N/m that it follows."""
     search = guided(GuidedOptions(**SMALL), (0.5,))
-    local = search._begin(search._conditions[0])
+    (local,) = search._begin()
     from tiller.labs.policies.guided import GuidedStep
 
     search._sample(0, local, 0, GuidedStep())
@@ -203,12 +203,12 @@ def test_the_best_round_is_kept_on_every_ending():
 def test_first_motions_keep_their_limits_and_are_best_where_those_do_not_bind():
     step = lambda z: jnp.asarray(BELIEVED) @ z
     goal = GOAL._replace(low=np.array([-40.0]), high=np.array([40.0]))
-    x, u, gain = best_motion(step, goal, np.array([1.0, 0.0]), 20, 1)
+    (x,), (u,), (gain,) = best_motions(step, goal, np.array([[1.0, 0.0]]), 20, 1)
     gains, value = riccati(BELIEVED, np.diag(GOAL.state), np.diag(GOAL.control), np.diag(GOAL.terminal), 20)
     assert float(goal.of(x, u)) == pytest.approx(0.5 * value[0, 0], rel=1e-6)
     assert np.allclose(gain, gains, atol=1e-6)
     tight = GOAL._replace(low=np.array([-0.5]), high=np.array([0.5]))
-    x, u, gain = best_motion(step, tight, np.array([1.0, 0.0]), 20, 1)
+    (x,), (u,), (gain,) = best_motions(step, tight, np.array([[1.0, 0.0]]), 20, 1)
     assert np.all(np.abs(u) <= 0.5) and u[0, 0] == -0.5 and not gain[0].any()
 
 

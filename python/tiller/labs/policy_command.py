@@ -164,10 +164,10 @@ def _guide(a: argparse.Namespace, robot: _core.Robot, task: Task) -> int:
 
 def run(a: argparse.Namespace) -> int:
     robot = _read(a)
-    from .policies.physics import physics_of
+    from .policies.physics import Model
     from .policies.task import make_task
 
     guided = a.method == "guided"
-    physics = physics_of(robot, a.period) if a.physics or guided else None
+    physics = Model(robot, a.period).physics() if a.physics or guided else None
     task = make_task(robot, a.period, a.seconds, a.width, physics=physics)
     return _guide(a, robot, task) if guided else _search(a, robot, task)

@@ -67,29 +67,35 @@ def _policy(step: Callable[[Array], Array], goal: Goal, x: Array, u: Array) -> t
     return jax.lax.scan(back, end, (slopes, x[:-1], u), reverse=True)[1]  # type: ignore[no-any-return]
 
 
-def best_motion(step: Callable[[Array], Array], goal: Goal, start: Numbers, horizon: int,
-                seed: int) -> tuple[Numbers, Numbers, Numbers]:
-    """States (T + 1, nx), commands (T, nu) and gains (T, nu, nx) of the cheapest of GUESSES descents. step (nx + nu) ->
-    (nx) is a function of JAX. Cost: ITERATIONS x GUESSES x LENGTHS rollouts at most."""
-    rng, nu, nx = np.random.default_rng([seed, 94]), len(goal.low), len(start)
+def _guesses(goal: Goal, horizon: int, seed: int) -> Numbers:
+    """(GUESSES, T, nu) from none to all of the range."""
+    rng, nu = np.random.default_rng([seed, 94]), len(goal.low)
     share = rng.random((GUESSES, -(-horizon // KNOT), nu)) * np.linspace(0, 1, GUESSES)[:, None, None]
     middle = np.clip(0, goal.low, goal.high)
-    sign = rng.choice([-1, 1], share.shape)
-    u = middle + share * np.where(sign > 0, goal.high - middle, goal.low - middle)
-    u = np.repeat(u, KNOT, 1)[:, :horizon]
+    side = np.where(rng.random(share.shape) < 0.5, goal.high - middle, goal.low - middle)
+    return np.repeat(middle + share * side, KNOT, 1)[:, :horizon]
+
+
+def best_motions(step: Callable[[Array], Array], goal: Goal, starts: Numbers, horizon: int,
+                 seed: int) -> tuple[Numbers, Numbers, Numbers]:
+    """States (n, T + 1, nx), commands (n, T, nu) and gains (n, T, nu, nx) of the cheapest of GUESSES descents from each
+    start (n, nx). step (nx + nu) -> (nx) is a function of JAX. Cost: ITERATIONS x GUESSES x LENGTHS x n rollouts at
+    most."""
+    count, nu, nx = len(starts), len(goal.low), starts.shape[1]
     still = jnp.zeros((horizon, nu, nx))
-    follow = lambda x, u, gain, wish, length: _followed(step, goal, x, u, gain, wish, length)
 
     @jax.jit
-    def begin(u: Array) -> tuple[Array, Array, Array]:
-        x = jax.vmap(lambda u: follow(jnp.tile(start, (horizon + 1, 1)), u, still, jnp.zeros_like(u), 0.0)[0])(u)
+    def begin(start: Array, u: Array) -> tuple[Array, Array, Array]:
+        def one(start: Array, u: Array) -> Array:
+            return _followed(step, goal, jnp.tile(start, (horizon + 1, 1)), u, still, jnp.zeros_like(u), 0.0)[0]
+        x = jax.vmap(one)(start, u)
         return x, u, jax.vmap(goal.of)(x, u)
 
     @jax.jit
     def better(x: Array, u: Array, cost: Array) -> tuple[Array, Array, Array]:
         def one(x: Array, u: Array, cost: Array) -> tuple[Array, Array, Array]:
             gain, wish = _policy(step, goal, x, u)
-            xs, us = jax.vmap(lambda s: follow(x, u, gain, wish, s))(0.5 ** jnp.arange(LENGTHS))
+            xs, us = jax.vmap(lambda s: _followed(step, goal, x, u, gain, wish, s))(0.5 ** jnp.arange(LENGTHS))
             costs = jax.vmap(goal.of)(xs, us)
             costs = jnp.where(jnp.isfinite(costs), costs, jnp.inf)
             at = jnp.argmin(costs)
@@ -97,12 +103,12 @@ def best_motion(step: Callable[[Array], Array], goal: Goal, start: Numbers, hori
             return jnp.where(good, xs[at], x), jnp.where(good, us[at], u), jnp.where(good, costs[at], cost)
         return jax.vmap(one)(x, u, cost)
 
-    x, u, cost = begin(u)
+    x, u, cost = begin(np.repeat(starts, GUESSES, 0), np.tile(_guesses(goal, horizon, seed), (count, 1, 1)))
     for _ in range(ITERATIONS):
         before = cost
         x, u, cost = better(x, u, cost)
         if np.all(np.asarray(before - cost) <= DONE * np.asarray(cost)):
             break
-    at = int(np.argmin(np.where(np.isfinite(cost), cost, np.inf)))
-    gain, _ = jax.jit(lambda x, u: _policy(step, goal, x, u))(x[at], u[at])
-    return np.asarray(x[at]), np.asarray(u[at]), np.asarray(gain)
+    least = np.where(np.isfinite(cost), cost, np.inf).reshape(count, GUESSES).argmin(1) + GUESSES * np.arange(count)
+    gain, _ = jax.jit(jax.vmap(lambda x, u: _policy(step, goal, x, u)))(x[least], u[least])
+    return np.asarray(x[least]), np.asarray(u[least]), np.asarray(gain)

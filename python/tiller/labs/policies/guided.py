@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from .guide import Goal, best_motion
+from .guide import Goal, best_motions
 from .laws import Law, Quadratic, expected_cost, kl_lqr, passage
 from .local import Data, LinearStep, fit_mixture, fit_step, prior_of_mixture, prior_of_model
 from .minimise import Numbers
-from .physics import Physics
+from .moments import Array
 from .plant import RunTrial, Trial
 from .student import Student
 from .task import Task
@@ -75,7 +75,8 @@ class Local:
         return np.array([t.measured[k] for t in self.trials])
 
 
-Refit = Callable[[Numbers], Physics]  # the model fitted to transitions (N, 2 nx + nu)
+Slopes = Callable[[Numbers], tuple[Array, Array]]  # (n, nx + nu) -> next states (n, nx) and slopes
+Refit = Callable[[Numbers], Slopes]  # of the model fitted to transitions (N, 2 nx + nu)
 
 
 class Guided:
@@ -85,13 +86,13 @@ class Guided:
         self._task, self._goal, self._conditions, self._o = task, goal, conditions, o
         self._measured = noise_sd**2
         self._refit, self._rows = refit, []
-        self._physics = jax.jit(jax.vmap(task.physics))
+        self._physics: Slopes = jax.jit(jax.vmap(task.physics))
         self._student, self._noise, self._taught = Student(task, o.hidden, o.seed), np.eye(task.nu), False
         self._costs = [self._quadratic(k == task.horizon) for k in range(task.horizon + 1)]
 
     def run(self, after: Callable[[GuidedStep, int], None], result: GuidedResult) -> None:
         """Fills `result` as it goes; its network is that of the round whose runs cost least."""
-        locals_ = [self._begin(c) for c in self._conditions]
+        locals_ = self._begin()
         for i in range(self._o.iterations):
             step = GuidedStep()
             for c, local in enumerate(locals_):
@@ -113,15 +114,15 @@ class Guided:
         return Quadratic(np.diag(np.concatenate([weight, goal.control[:nu]])),
                          np.concatenate([-weight * goal.target, np.zeros(nu)]))
 
-    def _begin(self, condition: Condition) -> Local:
-        """Laws about the best motion of the file's model (Levine and Koltun 2013 begin with such)."""
+    def _begin(self) -> list[Local]:
+        """Laws about the best motions of the file's model (Levine and Koltun 2013 begin with such)."""
         task, o = self._task, self._o
         assert task.physics is not None
-        physics = task.physics
-        x, u, gain = best_motion(lambda z: physics(z)[0], self._goal, condition.start, task.horizon, o.seed)
-        sd = o.first_noise * (task.high - task.low)
-        laws = [Law(gain[k], u[k] - gain[k] @ x[k], np.diag(sd**2)) for k in range(task.horizon)]
-        return Local(laws, o.epsilon)
+        physics, sd = task.physics, o.first_noise * (task.high - task.low)
+        starts = np.array([c.start for c in self._conditions])
+        motions = best_motions(lambda z: physics(z)[0], self._goal, starts, task.horizon, o.seed)
+        return [Local([Law(gain[k], u[k] - gain[k] @ x[k], np.diag(sd**2)) for k in range(task.horizon)], o.epsilon)
+                for x, u, gain in zip(*motions, strict=True)]
 
     def _sample(self, c: int, local: Local, iteration: int, step: GuidedStep) -> None:
         o, task, share = self._o, self._task, 1 / (self._o.samples * len(self._conditions))
@@ -147,7 +148,7 @@ class Guided:
         rows = np.concatenate(self._rows)
         if len(rows) > MOST_ROWS:
             rows = rows[np.random.default_rng([self._o.seed, len(rows)]).choice(len(rows), MOST_ROWS, replace=False)]
-        self._physics = jax.jit(jax.vmap(self._refit(rows)))
+        self._physics = self._refit(rows)
 
     def _fit(self, local: Local) -> list[LinearStep]:
         task, models = self._task, []

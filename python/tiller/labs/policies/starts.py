@@ -5,8 +5,9 @@ import numpy as np
 
 from ... import _core
 from .guide import Goal
-from .guided import Condition, Refit
-from .physics import fit_params, physics_of
+from .guided import Condition, Refit, Slopes
+from .minimise import Numbers
+from .physics import Model
 from .plant import PlantTrials, measured_deviation
 from .task import Task
 
@@ -20,8 +21,12 @@ def goal_of(robot: _core.Robot, task: Task) -> Goal:
 
 def refit_of(robot: _core.Robot, task: Task) -> Refit:
     """The robot file's model at parameters that fit transitions."""
-    variance = measured_deviation(robot, task.period_s)**2
-    return lambda rows: physics_of(robot, task.period_s, fit_params(robot, task.period_s, rows, variance))
+    variance, model = measured_deviation(robot, task.period_s)**2, Model(robot, task.period_s)
+
+    def refit(rows: Numbers) -> Slopes:
+        params = model.fit(rows, variance)
+        return lambda z: model.expand(z, params)[:2]
+    return refit
 
 
 def conditions_of(robot: _core.Robot, task: Task, count: int, seed: int) -> list[Condition]:

@@ -25,7 +25,7 @@ class Student:
         self._network = Perceptron([len(task.seen), *hidden, task.nu], jax.random.key(seed))
         self._scale: tuple[Numbers, Numbers] | None = None
         self._middle, self._half = 0.5 * (task.low + task.high), 0.5 * (task.high - task.low)
-        self._answer = jax.jit(lambda network, z: jax.vmap(network)(z))
+        self._answer = eqx.filter_jit(lambda network, z: jax.vmap(network)(z))
 
     def _seen(self, x: Numbers) -> Numbers:
         assert self._scale is not None
@@ -63,6 +63,7 @@ class Student:
         return {"kind": "tanh", "hidden": (self._hidden + [0])[:2], "weights": numbers}
 
 
+@eqx.filter_jit
 def _train(network: Any, x: Any, y: Any, precision: Any, steps: int) -> Any:
     arrays, static = eqx.partition(network, eqx.is_array)
     adam = optax.adam(optax.cosine_decay_schedule(RATE, steps, LAST_RATE))
@@ -71,12 +72,8 @@ def _train(network: Any, x: Any, y: Any, precision: Any, steps: int) -> Any:
         off = jax.vmap(eqx.combine(arrays, static))(x) - y
         return jnp.einsum("ni,nij,nj->n", off, precision, off).mean()
 
-    @jax.jit
-    def run(arrays: Any) -> Any:
-        def step(carry: Any, _: None) -> Any:
-            arrays, state = carry
-            change, state = adam.update(jax.grad(loss)(arrays), state)
-            return (optax.apply_updates(arrays, change), state), None
-        return jax.lax.scan(step, (arrays, adam.init(arrays)), None, steps)[0][0]
-
-    return eqx.combine(run(arrays), static)
+    def step(carry: Any, _: None) -> Any:
+        arrays, state = carry
+        change, state = adam.update(jax.grad(loss)(arrays), state)
+        return (optax.apply_updates(arrays, change), state), None
+    return eqx.combine(jax.lax.scan(step, (arrays, adam.init(arrays)), None, steps)[0][0], static)
