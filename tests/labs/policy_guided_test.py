@@ -201,14 +201,13 @@ def test_the_best_round_is_kept_on_every_ending():
 
 
 def test_first_motions_keep_their_limits_and_are_best_where_those_do_not_bind():
-    step = lambda z: jnp.asarray(BELIEVED) @ z
     goal = GOAL._replace(low=np.array([-40.0]), high=np.array([40.0]))
-    (x,), (u,), (gain,) = best_motions(step, goal, np.array([[1.0, 0.0]]), 20, 1)
+    (x,), (u,), (gain,) = best_motions(physics_of(BELIEVED), goal, np.array([[1.0, 0.0]]), 20, 1)
     gains, value = riccati(BELIEVED, np.diag(GOAL.state), np.diag(GOAL.control), np.diag(GOAL.terminal), 20)
     assert float(goal.of(x, u)) == pytest.approx(0.5 * value[0, 0], rel=1e-6)
     assert np.allclose(gain, gains, atol=1e-6)
     tight = GOAL._replace(low=np.array([-0.5]), high=np.array([0.5]))
-    (x,), (u,), (gain,) = best_motions(step, tight, np.array([[1.0, 0.0]]), 20, 1)
+    (x,), (u,), (gain,) = best_motions(physics_of(BELIEVED), tight, np.array([[1.0, 0.0]]), 20, 1)
     assert np.all(np.abs(u) <= 0.5) and u[0, 0] == -0.5 and not gain[0].any()
 
 

@@ -1,7 +1,6 @@
 """First motions for guided search: iLQR on the robot file's model, from many guesses side by side."""
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
@@ -10,6 +9,7 @@ import numpy as np
 
 from .minimise import Numbers
 from .moments import Array
+from .physics import Physics
 
 GUESSES, KNOT = 16, 5  # of random commands, each held for so many periods
 ITERATIONS, LENGTHS = 80, 10  # step lengths 1, 1/2, ... side by side
@@ -32,22 +32,22 @@ class Goal(NamedTuple):
         return 0.5 * ((off[:-1]**2 @ self.state).sum() + off[-1]**2 @ self.terminal + (u**2 @ self.control).sum())
 
 
-def _followed(step: Callable[[Array], Array], goal: Goal, x: Array, u: Array, gain: Array, wish: Array,
+def _followed(physics: Physics, goal: Goal, x: Array, u: Array, gain: Array, wish: Array,
               length: Array) -> tuple[Array, Array]:
     def period(now: Array, at: tuple[Array, ...]) -> tuple[Array, tuple[Array, Array]]:
         x_then, u_then, k, w = at
         command = jnp.clip(u_then + length * w + k @ (now - x_then), goal.low, goal.high)
-        after = step(jnp.concatenate([now, command]))
+        after, _ = physics(jnp.concatenate([now, command]))
         return after, (after, command)
 
     _, (states, commands) = jax.lax.scan(period, x[0], (x[:-1], u, gain, wish))
     return jnp.concatenate([x[:1], states]), commands
 
 
-def _policy(step: Callable[[Array], Array], goal: Goal, x: Array, u: Array) -> tuple[Array, Array]:
+def _policy(physics: Physics, goal: Goal, x: Array, u: Array) -> tuple[Array, Array]:
     """Gain and wish (T, ...) of the Riccati sweep; a command that is pressed against a limit has neither."""
     nx = x.shape[1]
-    slopes = jax.vmap(jax.jacfwd(step))(jnp.concatenate([x[:-1], u], 1))
+    slopes = jax.vmap(physics)(jnp.concatenate([x[:-1], u], 1))[1]
 
     def back(carry: tuple[Array, Array], at: tuple[Array, ...]) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
         value, by = carry
@@ -76,10 +76,10 @@ def _guesses(goal: Goal, horizon: int, seed: int) -> Numbers:
     return np.repeat(middle + share * side, KNOT, 1)[:, :horizon]
 
 
-def best_motions(step: Callable[[Array], Array], goal: Goal, starts: Numbers, horizon: int,
+def best_motions(physics: Physics, goal: Goal, starts: Numbers, horizon: int,
                  seed: int) -> tuple[Numbers, Numbers, Numbers]:
     """States (n, T + 1, nx), commands (n, T, nu) and gains (n, T, nu, nx) of the cheapest of GUESSES descents from each
-    start (n, nx). step (nx + nu) -> (nx) is a function of JAX. Cost: ITERATIONS x GUESSES x LENGTHS x n rollouts at
+    start (n, nx). Cost: ITERATIONS x GUESSES x LENGTHS x n rollouts at
     most."""
     count, nu, nx = len(starts), len(goal.low), starts.shape[1]
     still = jnp.zeros((horizon, nu, nx))
@@ -87,15 +87,15 @@ def best_motions(step: Callable[[Array], Array], goal: Goal, starts: Numbers, ho
     @jax.jit
     def begin(start: Array, u: Array) -> tuple[Array, Array, Array]:
         def one(start: Array, u: Array) -> Array:
-            return _followed(step, goal, jnp.tile(start, (horizon + 1, 1)), u, still, jnp.zeros_like(u), 0.0)[0]
+            return _followed(physics, goal, jnp.tile(start, (horizon + 1, 1)), u, still, jnp.zeros_like(u), 0.0)[0]
         x = jax.vmap(one)(start, u)
         return x, u, jax.vmap(goal.of)(x, u)
 
     @jax.jit
     def better(x: Array, u: Array, cost: Array) -> tuple[Array, Array, Array]:
         def one(x: Array, u: Array, cost: Array) -> tuple[Array, Array, Array]:
-            gain, wish = _policy(step, goal, x, u)
-            xs, us = jax.vmap(lambda s: _followed(step, goal, x, u, gain, wish, s))(0.5 ** jnp.arange(LENGTHS))
+            gain, wish = _policy(physics, goal, x, u)
+            xs, us = jax.vmap(lambda s: _followed(physics, goal, x, u, gain, wish, s))(0.5 ** jnp.arange(LENGTHS))
             costs = jax.vmap(goal.of)(xs, us)
             costs = jnp.where(jnp.isfinite(costs), costs, jnp.inf)
             at = jnp.argmin(costs)
@@ -110,5 +110,5 @@ def best_motions(step: Callable[[Array], Array], goal: Goal, starts: Numbers, ho
         if np.all(np.asarray(before - cost) <= DONE * np.asarray(cost)):
             break
     least = np.where(np.isfinite(cost), cost, np.inf).reshape(count, GUESSES).argmin(1) + GUESSES * np.arange(count)
-    gain, _ = jax.jit(jax.vmap(lambda x, u: _policy(step, goal, x, u)))(x[least], u[least])
+    gain, _ = jax.jit(jax.vmap(lambda x, u: _policy(physics, goal, x, u)))(x[least], u[least])
     return np.asarray(x[least]), np.asarray(u[least]), np.asarray(gain)

@@ -118,9 +118,9 @@ class Guided:
         """Laws about the best motions of the file's model (Levine and Koltun 2013 begin with such)."""
         task, o = self._task, self._o
         assert task.physics is not None
-        physics, sd = task.physics, o.first_noise * (task.high - task.low)
+        sd = o.first_noise * (task.high - task.low)
         starts = np.array([c.start for c in self._conditions])
-        motions = best_motions(lambda z: physics(z)[0], self._goal, starts, task.horizon, o.seed)
+        motions = best_motions(task.physics, self._goal, starts, task.horizon, o.seed)
         return [Local([Law(gain[k], u[k] - gain[k] @ x[k], np.diag(sd**2)) for k in range(task.horizon)], o.epsilon)
                 for x, u, gain in zip(*motions, strict=True)]
 
