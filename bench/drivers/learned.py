@@ -1,4 +1,4 @@
-# programs: bench_network_step bench_learned_dynamics bench_policy_search bench_local_models
+# programs: bench_network_step bench_learned_dynamics
 """./dev bench learned: what is learnt rather than derived: forces, policies, costs, posteriors of black boxes.
 
     ./dev bench learned                          every section that this build has
@@ -8,8 +8,8 @@
 Sections:
     step        what a network costs in a rollout (bench_network_step)
     dynamics    learned forces on data in which something without a name is hidden (bench_learned_dynamics)
-    policies    policy search with moment matching: the paper's pendulum and cart-pole (bench_policy_search)
-    local       local linear models with a prior, against none; guided policies (bench_local_models)
+    policies    policy search with moment matching: the paper's pendulum and cart-pole (policies_rows.py, on JAX)
+    local       local linear models with a prior, against none; guided policies (local_rows.py, on JAX)
     distill     small policies beside the planners that taught them (distill_rows.py, on JAX)
     imitate     costs from demonstrations (imitate_rows.py, on JAX)
     simulator   posteriors of black-box simulators beside exact ones (labs_rows.py, on JAX)
@@ -34,9 +34,9 @@ import sys
 
 from _driver import HOME, ONE_THREAD, PEERS, ROOT, need_environment, note, python_of, run_table, summary
 
-PROGRAMS = {"step": "bench_network_step", "dynamics": "bench_learned_dynamics", "policies": "bench_policy_search",
-            "local": "bench_local_models"}
-SCRIPTS = {"distill": "distill_rows.py", "imitate": "imitate_rows.py", "simulator": "labs_rows.py"}
+PROGRAMS = {"step": "bench_network_step", "dynamics": "bench_learned_dynamics"}
+SCRIPTS = {"policies": "policies_rows.py", "local": "local_rows.py", "distill": "distill_rows.py",
+           "imitate": "imitate_rows.py", "simulator": "labs_rows.py"}
 
 
 def parse(arguments):

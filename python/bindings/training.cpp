@@ -4,6 +4,7 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 
@@ -14,6 +15,7 @@
 #include "planners/policy_inputs.hpp"
 #include "robot.hpp"
 #include "rollout/measurement.hpp"
+#include "tools/base/unit_names.hpp"
 #include "tools/links/plant_setup.hpp"
 #include "tools/robot/network_file.hpp"
 #include "tools/robot/robot_schema.hpp"
@@ -134,6 +136,25 @@ nb::object policy_row(const Robot& robot, std::uint32_t reads, const Numbers& x,
   return copied(in.data(), {in.size()});
 }
 
+/// (nx) of [sim]'s sensors; 0 where there is none.
+nb::object sensor_deviations(const Robot& robot) {
+  std::vector<double> sd;
+  for (const std::string& name : robot->states) {
+    const auto found = robot->sim.sensor_sd.find(name);
+    sd.push_back(found == robot->sim.sensor_sd.end() ? 0.0 : found->second);
+  }
+  return copied(sd.data(), {sd.size()});
+}
+
+/// [(state of the position, state of the velocity)].
+nb::list joints(const tiller_model_t& model) {
+  nb::list all;
+  for (std::uint32_t j = 0; j < model.joint_count; ++j)
+    if (model.joints[j].position != TILLER_NO_POSITION)
+      all.append(nb::make_tuple(unsigned{model.joints[j].position}, unsigned{model.joints[j].velocity}));
+  return all;
+}
+
 /// What a laboratory asks of a robot file beside what Robot tells.
 nb::dict training_facts(const Robot& robot) {
   const tiller_config_t& c = robot->config;
@@ -149,6 +170,17 @@ nb::dict training_facts(const Robot& robot) {
   d["start_sd"] = copied(c.initial_state_sd, {nx});
   d["process_sd"] = copied(c.process_sd, {nx});
   d["safe_command"] = copied(c.safety.safe_command, {c.model->input_count});
+  d["state_weight"] = copied(c.cost.state_weight, {nx});
+  d["terminal_weight"] = copied(c.cost.terminal_weight, {nx});
+  d["input_weight"] = copied(c.cost.input_weight, {c.model->input_count});
+  d["costs_outputs"] = c.cost.outputs && std::any_of(c.cost.outputs, c.cost.outputs + c.cost.output_count,
+                                                     [](const tiller_output_cost_t& o) { return o.weight > 0; });
+  d["sensor_sd"] = sensor_deviations(robot);
+  d["joints"] = joints(*c.model);
+  nb::dict units;
+  for (const tools::Words* names : {&robot->states, &robot->inputs})
+    for (const std::string& name : *names) units[name.c_str()] = tools::unit_of_field(name);
+  d["units"] = units;
   return d;
 }
 

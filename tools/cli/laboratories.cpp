@@ -16,6 +16,7 @@ struct Laboratory {
 constexpr Laboratory kLaboratories[] = {
     {"infer", "learn the parameters of a simulator of your own from logs of the robot"},
     {"imitate", "learn the weights of the cost, or a policy, from demonstrations"},
+    {"policy", "search a feedback policy in few trials on the simulated plant"},
     {"distill", "teach a small network what a planner does, for small targets"},
     {"learn", "learn forces that no known effect explains, on top of the physics"},
     {"tune", "search settings of planner, cost and priors on the simulated plant"},

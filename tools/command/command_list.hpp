@@ -26,7 +26,6 @@ void add_laboratory_commands(CLI::App& app, int& exit_code);
 void add_gap_command(CLI::App& app, int& exit_code);
 void add_fleet_command(CLI::App& app, int& exit_code);
 void add_excite_command(CLI::App& app, int& exit_code);
-void add_policy_command(CLI::App& app, int& exit_code);
 void add_export_command(CLI::App& app, int& exit_code);
 void add_import_command(CLI::App& app, int& exit_code);
 void add_replay_command(CLI::App& app, int& exit_code);

@@ -13,6 +13,7 @@ from . import _install
 # tools/cli/laboratories.cpp has the same names for `tiller --help`.
 LABORATORIES = {"infer": "learn the parameters of a simulator of your own from logs of the robot",
                 "imitate": "learn the weights of the cost, or a policy, from demonstrations",
+                "policy": "search a feedback policy in few trials on the simulated plant",
                 "distill": "teach a small network what a planner does, for small targets",
                 "learn": "learn forces that no known effect explains, on top of the physics",
                 "tune": "search settings of planner, cost and priors on the simulated plant"}

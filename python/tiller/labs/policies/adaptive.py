@@ -1,0 +1,92 @@
+"""An LQR of a short horizon on a linear model that is fitted anew in each period."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import jax
+import numpy as np
+
+from .minimise import Numbers
+from .physics import Physics
+
+
+@dataclass
+class AdaptiveOptions:
+    target: Numbers  # (nx)
+    low: Numbers  # (nu)
+    high: Numbers
+    state_weight: Numbers  # (nx) a period, and at the end
+    input_weight: Numbers  # (nu)
+    noise: Numbers  # (nx) deviation of what is measured of a state
+    offset_sd: Numbers  # (nx) of a constant change a period that the model lacks
+    memory: float = 30.0  # periods after which a transition counts 1/e
+    slope_sd: float = 0.02  # of the model's slope by states, in shares of it
+    gain_sd: float = 0.5  # of its slope by commands
+    horizon: int = 40  # periods of the plan
+    adapt: bool = True  # False: the model alone
+
+
+class AdaptiveLqr:
+    """Model predictive control after Fu, Levine and Abbeel, IROS 2016. What the model leaves of the last transitions is
+    regressed on [x; u] and a constant. In the source's form, a covariance with a prior, noise that is measured passes
+    for slopes where the loop excites little, and an unstable plant falls. Here the noise is known and the slopes have
+    deviations of their own, so that data which cannot tell a slope from the model's leave that as it is. Cost a
+    period: O(memory (nx + nu)^2)."""
+
+    def __init__(self, physics: Physics, o: AdaptiveOptions) -> None:
+        self._physics, self.o = jax.jit(physics), o
+        self._rows: list[tuple[Numbers, Numbers, Numbers]] = []  # z, what the model leaves, slope
+        self._last = np.clip(np.zeros(len(o.low)), o.low, o.high)
+
+    def learn(self, x: Numbers, u: Numbers, after: Numbers) -> None:
+        z = np.concatenate([x, u])
+        expected, slope = map(np.asarray, self._physics(z))
+        self._rows.append((z, after - expected, slope))
+        del self._rows[:-int(4 * self.o.memory)]
+
+    def model(self, x: Numbers, u: Numbers) -> tuple[Numbers, Numbers]:
+        """Slope (nx, nz) and offset (nx) about the present."""
+        o, z = self.o, np.concatenate([x, u])
+        after, slope = map(np.asarray, self._physics(z))
+        if o.adapt and self._rows:
+            change, constant = self._left(z, slope)
+            slope, after = slope + change, after + constant
+        return slope, after - slope @ z
+
+    def _left(self, z: Numbers, slope: Numbers) -> tuple[Numbers, Numbers]:
+        o, nx = self.o, len(slope)
+        at, left, slopes = (np.array(rows) for rows in zip(*self._rows, strict=True))
+        kept = np.exp(-np.arange(len(at))[::-1] / o.memory)
+        row = np.hstack([at - z, np.ones((len(at), 1))])
+        change, constant = np.empty_like(slope), np.empty(nx)
+        share = np.where(np.arange(len(z)) < nx, o.slope_sd, o.gain_sd)
+        for i in range(nx):
+            # of both measurements, before and after the period
+            variance = o.noise[i]**2 + np.mean(slopes[:, i, :nx]**2, 0) @ o.noise**2 + 1e-12
+            sd = np.append(np.maximum(1e-6, share * np.abs(slope[i])), o.offset_sd[i])
+            bend = (row * kept[:, None]).T @ row / variance + np.diag(1 / sd**2)
+            found = np.linalg.solve(bend, (row * kept[:, None]).T @ left[:, i] / variance)
+            change[i], constant[i] = found[:-1], found[-1]
+        return change, constant
+
+    def command(self, x: Numbers) -> Numbers:
+        o, nx = self.o, len(x)
+        slope, offset = self.model(x, self._last)
+        a, b = slope[:, :nx], slope[:, nx:]
+        # about the target and the command that holds it best; the drift that is left
+        drift = a @ o.target + offset - o.target
+        square = b.T @ b
+        hold = -np.linalg.solve(square + 1e-9 * (1e-12 + np.trace(square)) * np.eye(len(square)), b.T @ drift)
+        hold = np.clip(hold, o.low, o.high)
+        drift = drift + b @ hold
+        q, r = np.diag(o.state_weight), np.diag(o.input_weight)
+        value, by = q, np.zeros(nx)
+        for _ in range(o.horizon):
+            bend = r + b.T @ value @ b
+            gain = -np.linalg.solve(bend, b.T @ value @ a)
+            wish = -np.linalg.solve(bend, b.T @ (value @ drift + by))
+            closed = a + b @ gain
+            by = closed.T @ (by + value @ (b @ wish + drift)) + gain.T @ r @ wish
+            value = q + gain.T @ r @ gain + closed.T @ value @ closed
+        self._last = np.clip(hold + gain @ (x - o.target) + wish, o.low, o.high)
+        return self._last

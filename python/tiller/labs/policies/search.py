@@ -1,0 +1,98 @@
+"""The loop of every policy search on a learnt model: trials, a Gaussian process of all transitions, a better policy."""
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import jax
+import numpy as np
+
+from .feedback import Feedback, command, make_feedback
+from .forecast import Forecast, forecast
+from .minimise import Numbers
+from .moments import Bumps, Normal, with_sines
+from .plant import RunTrial, Trial, random_controller
+from .process import ProcessOptions, Shape, condition, fit_shape
+from .task import Task, features, sure_cost
+
+Improve = Callable[[Bumps, Feedback, int], Feedback]  # dynamics learnt so far, the policy before, the trial's index
+
+
+@dataclass
+class SearchOptions:
+    trials: int = 8  # with a policy, after `random_trials` with random commands
+    random_trials: int = 1
+    kind: str = "rbf"  # linear, rbf
+    bumps: int = 20
+    evaluations: int = 100  # of cost and gradient, before each trial
+    restarts: int = 1  # searches from fresh policies before each trial
+    seed: int = 1
+    process: ProcessOptions = field(default_factory=ProcessOptions)
+
+
+@dataclass
+class SearchStep:
+    """One trial and what was thought of it before."""
+    trial: Trial
+    cost: float  # of the true states
+    predicted: float = float("nan")  # NaN: none, the commands were random
+    seconds: float = 0.0  # learning and searching before it
+    forecast: Forecast | None = None
+
+
+@dataclass
+class SearchResult:
+    steps: list[SearchStep] = field(default_factory=list)
+    policy: Feedback | None = None  # of the last trial
+
+
+def transitions(task: Task, trial: Trial) -> tuple[Numbers, Numbers]:
+    """What the process sees, (periods, seen + nu), and what the state gained (beyond the physics where there are some),
+    (periods, nx)."""
+    before, after = trial.measured[:-1], trial.measured[1:]
+    if task.physics is not None:
+        expected = np.asarray(jax.vmap(task.physics)(np.concatenate([before, trial.command], 1))[0])
+    else:
+        expected = before
+    seen = np.asarray(features(task.angles, before))[:, task.seen]
+    return np.concatenate([seen, trial.command], 1), after - expected
+
+
+def start_features(task: Task) -> Normal:
+    """Of what the policy sees at the start."""
+    f, seen = with_sines(Normal(task.start_mean, task.start_covariance), task.angles), np.array(task.seen)
+    return Normal(np.asarray(f.mean)[seen], np.asarray(f.covariance)[np.ix_(seen, seen)])
+
+
+def realised_cost(task: Task, trial: Trial) -> float:
+    return float(sure_cost(task, trial.truth[1:]).sum())
+
+
+def search_policy(task: Task, run: RunTrial, o: SearchOptions, improve: Improve,
+                  after: Callable[[SearchStep, int], None], result: SearchResult) -> None:
+    """Trials with random commands; then, over and over, a Gaussian process, a better policy, and a trial of it. Fills
+    `result` as it goes, so that what an interrupt leaves is whole."""
+    seen: list[tuple[Numbers, Numbers]] = []
+    shape: Shape | None = None
+    answer = jax.jit(lambda policy, x: command(task, policy)(x))
+    predict = jax.jit(lambda process, policy: forecast(task, process, policy))
+    policy = make_feedback(task, o.kind, o.bumps, start_features(task), 0.1, [o.seed, 91, 0])
+    for i in range(o.random_trials + o.trials):
+        begun = time.monotonic()
+        if i < o.random_trials:
+            trial = run(random_controller(task.low, task.high, o.seed, i), i)
+            step = SearchStep(trial, realised_cost(task, trial))
+        else:
+            x, y = (np.concatenate(rows) for rows in zip(*seen, strict=True))
+            shape = fit_shape(x, y, o.process, o.seed, shape)
+            process = condition(x, y, shape, o.process)
+            policy = improve(process, policy, i)
+            expected = Forecast(*map(np.asarray, predict(process, policy)))
+            seconds = time.monotonic() - begun
+            trial = run(lambda x, k, p=policy: np.asarray(answer(p, x)), i)  # type: ignore[misc]
+            step = SearchStep(trial, realised_cost(task, trial), float(expected.cost[1:].sum()), seconds, expected)
+            result.policy = policy
+        seen.append(transitions(task, trial))
+        result.steps.append(step)
+        after(step, i)
