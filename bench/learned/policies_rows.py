@@ -27,7 +27,7 @@ import numpy as np
 from tiller import _core
 from tiller.labs.policies.pilco import pilco
 from tiller.labs.policies.plant import PlantTrials
-from tiller.labs.policies.search import SearchOptions, SearchResult
+from tiller.labs.policies.search import SearchOptions, SearchResult, on_plant
 from tiller.labs.policies.task import make_task
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -138,7 +138,8 @@ def search(name, seed, trials, restarts):
               f"{far[-1]:.3f} m, {step.seconds:.1f} s", file=sys.stderr, flush=True)
 
     result = SearchResult()
-    pilco(task, run, SearchOptions(trials - 1, bumps=paper.bumps, restarts=restarts, seed=seed), after, result)
+    o = SearchOptions(trials - 1, bumps=paper.bumps, restarts=restarts, seed=seed)
+    pilco(task, on_plant(task, run, seed), o, after, result)
     solved = next((i + 1 for i, m in enumerate(far) if m < WITHIN_M), 0)
     return [solved, result.steps[-1].cost, time.process_time() - begun, " ".join(f"{m:.3g}" for m in far)]
 

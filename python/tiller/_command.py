@@ -26,7 +26,8 @@ def command_line(arguments: Sequence[str]) -> list[str]:
     return [sys.executable, "-m", "tiller", *arguments]
 
 
-def _environment() -> dict[str, str]:
+def environment() -> dict[str, str]:
+    """In which command_line() finds this package."""
     prepare()
     folders = [ABOVE, os.environ.get("PYTHONPATH", "")]
     return dict(os.environ, PYTHONPATH=os.pathsep.join(filter(None, folders)))
@@ -36,7 +37,7 @@ def run(arguments: Sequence[str], *, good: Sequence[int] = (0,)) -> tuple[int, s
     """(exit code, what it printed). Raises CommandError for an exit code that is not good. Ctrl-C ends the command
     too, and comes back as KeyboardInterrupt."""
     with subprocess.Popen(command_line(arguments), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-                          env=_environment(), stdin=subprocess.DEVNULL) as process:
+                          env=environment(), stdin=subprocess.DEVNULL) as process:
         try:
             output, _ = process.communicate()
         except BaseException:

@@ -18,7 +18,7 @@ from tiller.labs.policies.pilco import pilco
 from tiller.labs.policies.plant import Trial
 from tiller.labs.policies.process import ProcessOptions, Shape, condition, evidence, fit_shape
 from tiller.labs.policies.reps import RepsOptions, reps_search, reps_weights
-from tiller.labs.policies.search import SearchOptions, SearchResult
+from tiller.labs.policies.search import SearchOptions, SearchResult, on_plant
 from tiller.labs.policies.task import Task
 
 SAMPLES = 100_000
@@ -233,7 +233,7 @@ def test_pilco_turns_a_hinge_in_three_trials_and_again_the_same_way():
     task, results = hinge_task(), [SearchResult(), SearchResult()]
     o = SearchOptions(trials=3, bumps=8, evaluations=40)
     for result in results:
-        pilco(task, hinge(task, 1), o, quiet, result)
+        pilco(task, on_plant(task, hinge(task, 1), o.seed), o, quiet, result)
     costs = [[step.cost for step in result.steps] for result in results]
     assert costs[0] == costs[1] and len(costs[0]) == 4
     assert costs[0][0] > 9 and costs[0][-1] < 7  # of 15: a period costs nearly one where the hinge stays
@@ -243,8 +243,8 @@ def test_pilco_turns_a_hinge_in_three_trials_and_again_the_same_way():
 
 def test_reps_turns_the_hinge_too():
     task, result = hinge_task(), SearchResult()
-    reps_search(task, hinge(task, 1), SearchOptions(trials=3, kind="linear"), RepsOptions(iterations=15, samples=30), quiet,
-                result)
+    o = SearchOptions(trials=3, kind="linear")
+    reps_search(task, on_plant(task, hinge(task, 1), o.seed), o, RepsOptions(iterations=15, samples=30), quiet, result)
     assert result.steps[-1].cost < 7.5
 
 

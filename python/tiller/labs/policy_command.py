@@ -13,7 +13,8 @@ from .output import can_write, replace_file
 
 if TYPE_CHECKING:
     from .. import _core
-    from .policies.plant import PlantTrials
+    from .policies.feedback import Feedback
+    from .policies.search import SearchOptions, Try
     from .policies.task import Task
 
 METHODS = {"pilco": "gradients of the expected cost on a Gaussian process", "reps": "samples on the same process",
@@ -22,9 +23,14 @@ EPILOG = """
 Trials run the plant of [sim] from [start]; every state is measured with the sensors' noise. The task is [cost]'s
 target and state weights within [limits] (docs/guide/policy.md).
 
+With --on-robot trials are the robot's own: `tiller run` steers it by each policy over the file's transport, under the
+gate. It begins in STANDBY: bring the robot to its start, then press a. Ctrl-C stops it and ends the search.
+
 Examples:
   tiller policy robots/pendulum.toml --trials 6 -o out/policy.json --page out/policy.html
       a swing-up from nothing but trials
+  tiller policy my_robot.toml --on-robot --period 0.05 --seconds 3 --trials 6 -o policy.json
+      the same on the robot itself; the logs of its trials lie in policy_trials/
   tiller policy robots/emps.toml --method guided --seconds 2 --period 0.05 -o out/axis_policy.json
       a network, taught by local laws; its cost is on states alone, since those know no outputs
 """
@@ -58,6 +64,12 @@ def add(one: argparse.ArgumentParser) -> None:
                      "quarter of the start's)")
     one.add_argument("--physics", action="store_true",
                      help="pilco, reps: learn only what the file's model leaves unexplained")
+    one.add_argument("--on-robot", action="store_true",
+                     help="pilco, reps: trials on the robot, over the transport of its file, in the place of [sim]")
+    one.add_argument("--arm", action="store_true", help="with --on-robot: do not wait for the key a; the robot moves")
+    one.add_argument("--lockstep", action="store_true", help="with --on-robot: as `tiller run --lockstep`")
+    one.add_argument("--reset", metavar="COMMAND", help="with --on-robot: what brings the robot to its start, by the "
+                     "shell, before each trial")
     one.add_argument("-o", "--out", type=Path, metavar="FILE",
                      help="the policy (default: ROBOT_policy.json beside the robot file)")
     one.add_argument("--page", type=Path, metavar="FILE", help="pilco, reps: an HTML page of the trials")
@@ -70,8 +82,13 @@ def _read(a: argparse.Namespace) -> _core.Robot:
 
     robot = _core.Robot.from_toml(a.robot)
     facts = _core.training_facts(robot)
-    if not facts["has_sim"]:
-        raise RobotFileError(f"{a.robot}: has no [sim] section; trials need a simulated plant")
+    if not facts["has_sim"] and not a.on_robot:
+        raise RobotFileError(f"{a.robot}: has no [sim] section; trials need a simulated plant, or --on-robot")
+    for option in ("arm", "lockstep", "reset"):
+        if getattr(a, option) and not a.on_robot:
+            raise Error(f"--{option}: is of trials on the robot; add --on-robot")
+    if a.on_robot and a.method == "guided":
+        raise Error("--method guided: linear laws are no policy that `tiller run` steers by; take pilco or reps")
     if a.method == "guided" and facts["costs_outputs"]:
         raise RobotFileError(f"{a.robot}: cost.outputs: guided knows costs of states alone; take them out of a copy of "
                              "the file, with state_weight in their place")
@@ -82,11 +99,29 @@ def _read(a: argparse.Namespace) -> _core.Robot:
     return robot
 
 
-def _trials(a: argparse.Namespace, robot: _core.Robot, task: Task) -> PlantTrials:
+def _trials(a: argparse.Namespace, robot: _core.Robot, task: Task, o: SearchOptions) -> Try:
     from .policies.plant import PlantTrials, measured_deviation
+    from .policies.search import on_plant
 
-    return PlantTrials(robot, a.period, task.horizon, measured_deviation(robot, a.period), task.start_mean,
-                       task.start_covariance, a.seed)
+    if a.on_robot:
+        return _robot_trials(a, robot, task, o)
+    return on_plant(task, PlantTrials(robot, a.period, task.horizon, measured_deviation(robot, a.period),
+                                      task.start_mean, task.start_covariance, a.seed), a.seed)
+
+
+def _robot_trials(a: argparse.Namespace, robot: _core.Robot, task: Task, o: SearchOptions) -> Try:
+    from .policies.feedback import document
+    from .policies.on_robot import RobotTrials
+    from .policies.search import fresh_policy
+
+    def write(policy: Feedback) -> Path:
+        replace_file(a.out, json.dumps(document(task, policy.network(), "sine"), indent=1) + "\n")
+        return Path(a.out)
+
+    words = ["--arm"] * a.arm + ["--lockstep"] * a.lockstep
+    trials = RobotTrials(robot, task, write, a.out.with_name(a.out.stem + "_trials"), words, a.reset)
+    # commands that jump in every period shake a robot: one that answers what it sees goes first
+    return lambda policy, index: trials(fresh_policy(task, o, index, 1.0) if policy is None else policy, index)
 
 
 def _write(a: argparse.Namespace, document: dict[str, Any]) -> None:
@@ -101,16 +136,18 @@ def _search(a: argparse.Namespace, robot: _core.Robot, task: Task) -> int:
     from .policies.reps import RepsOptions, reps_search
     from .policies.search import SearchOptions, SearchResult, SearchStep
 
+    first = "a policy by chance" if a.on_robot else "random commands"
+
     def after(step: SearchStep, index: int) -> None:
         told = f"expected {step.predicted:.3f}), {step.seconds:.1f} s of search" if step.forecast else ""
         if not a.quiet:
             print(f"trial {index + 1}: " + (f"cost {step.cost:.3f} of {task.horizon} ({told}" if told else
-                                            f"random commands, cost {step.cost:.3f} of {task.horizon}"),
+                                            f"{first}, cost {step.cost:.3f} of {task.horizon}"),
                   file=sys.stderr, flush=True)
 
     o = SearchOptions(a.trials, kind=a.kind, bumps=a.bumps, evaluations=a.evaluations, restarts=a.restarts,
                       seed=a.seed)
-    result, run, code = SearchResult(), _trials(a, robot, task), 0
+    result, run, code = SearchResult(), _trials(a, robot, task, o), 0
     try:
         if a.method == "pilco":
             pilco(task, run, o, after, result)

@@ -11,8 +11,7 @@ from .feedback import Feedback, make_feedback
 from .forecast import long_term_cost
 from .minimise import Numbers, minimise
 from .moments import Bumps, Normal
-from .plant import RunTrial
-from .search import SearchOptions, SearchResult, SearchStep, search_policy, start_features
+from .search import SearchOptions, SearchResult, SearchStep, Try, fresh_policy, search_policy
 from .task import Task
 
 RESTART_ABOVE = 0.7  # of the horizon's cost
@@ -25,8 +24,7 @@ class Improver:
 
     def __init__(self, task: Task, o: SearchOptions) -> None:
         self._task, self._o = task, o
-        first = make_feedback(task, o.kind, o.bumps, start_features(task), 0.1, [o.seed, 91, 0])
-        unravel = ravel_pytree(first)[1]
+        unravel = ravel_pytree(fresh_policy(task, o, 0))[1]
         self._unravel: Callable[[Numbers], Feedback] = unravel
         cost = lambda p, process: long_term_cost(task, process, unravel(p))
         self._cost, self._with_slope = jax.jit(cost), jax.jit(jax.value_and_grad(cost))
@@ -59,6 +57,6 @@ class Improver:
         return drawn[int(np.argmin(np.where(np.isfinite(costs), costs, np.inf)))]
 
 
-def pilco(task: Task, run: RunTrial, o: SearchOptions, after: Callable[[SearchStep, int], None],
+def pilco(task: Task, run: Try, o: SearchOptions, after: Callable[[SearchStep, int], None],
           result: SearchResult) -> None:
     search_policy(task, run, o, Improver(task, o), after, result)

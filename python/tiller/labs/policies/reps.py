@@ -13,8 +13,7 @@ from scipy.optimize import minimize_scalar
 from .feedback import Feedback, command
 from .minimise import Numbers
 from .moments import Array, Bumps, bump_values
-from .plant import RunTrial
-from .search import SearchOptions, SearchResult, SearchStep, search_policy
+from .search import SearchOptions, SearchResult, SearchStep, Try, search_policy
 from .task import Task, features, sure_cost
 
 
@@ -61,7 +60,7 @@ def sampled_cost(task: Task, process: Bumps, policy: Feedback, key: Array) -> Ar
     return jax.lax.scan(period, x, jax.random.normal(later, (task.horizon, task.nx)))[1].sum()
 
 
-def reps_search(task: Task, run: RunTrial, o: SearchOptions, how: RepsOptions,
+def reps_search(task: Task, run: Try, o: SearchOptions, how: RepsOptions,
                 after: Callable[[SearchStep, int], None], result: SearchResult) -> None:
     """An iteration draws parameters from a normal distribution, weighs them by what their policies cost on the process
     and moves mean and deviations to the weighted ones. It follows no normal approximation of the state, and takes the

@@ -17,6 +17,7 @@ from .process import ProcessOptions, Shape, condition, fit_shape
 from .task import Task, features, sure_cost
 
 Improve = Callable[[Bumps, Feedback, int], Feedback]  # dynamics learnt so far, the policy before, the trial's index
+Try = Callable[[Feedback | None, int], Trial]  # a policy, None before there is one, and the trial's index
 
 
 @dataclass
@@ -66,22 +67,38 @@ def start_features(task: Task) -> Normal:
 
 
 def realised_cost(task: Task, trial: Trial) -> float:
-    return float(sure_cost(task, trial.truth[1:]).sum())
+    """A period that a trial lacks, because the robot stopped, costs as much as any can."""
+    return float(sure_cost(task, trial.truth[1:]).sum()) + task.horizon - len(trial.command)
 
 
-def search_policy(task: Task, run: RunTrial, o: SearchOptions, improve: Improve,
+def fresh_policy(task: Task, o: SearchOptions, index: int, deviation: float = 0.1) -> Feedback:
+    return make_feedback(task, o.kind, o.bumps, start_features(task), deviation, [o.seed, 91, index])
+
+
+def on_plant(task: Task, run: RunTrial, seed: int) -> Try:
+    """Random commands come first."""
+    answer = jax.jit(lambda policy, x: command(task, policy)(x))
+
+    def one(policy: Feedback | None, index: int) -> Trial:
+        if policy is None:
+            return run(random_controller(task.low, task.high, seed, index), index)
+        return run(lambda x, k: np.asarray(answer(policy, x)), index)
+
+    return one
+
+
+def search_policy(task: Task, run: Try, o: SearchOptions, improve: Improve,
                   after: Callable[[SearchStep, int], None], result: SearchResult) -> None:
-    """Trials with random commands; then, over and over, a Gaussian process, a better policy, and a trial of it. Fills
+    """Trials before there is a policy; then, over and over, a Gaussian process, a better policy, and a trial of it. Fills
     `result` as it goes, so that what an interrupt leaves is whole."""
     seen: list[tuple[Numbers, Numbers]] = []
     shape: Shape | None = None
-    answer = jax.jit(lambda policy, x: command(task, policy)(x))
     predict = jax.jit(lambda process, policy: forecast(task, process, policy))
-    policy = make_feedback(task, o.kind, o.bumps, start_features(task), 0.1, [o.seed, 91, 0])
+    policy = fresh_policy(task, o, 0)
     for i in range(o.random_trials + o.trials):
         begun = time.monotonic()
         if i < o.random_trials:
-            trial = run(random_controller(task.low, task.high, o.seed, i), i)
+            trial = run(None, i)
             step = SearchStep(trial, realised_cost(task, trial))
         else:
             x, y = (np.concatenate(rows) for rows in zip(*seen, strict=True))
@@ -90,7 +107,7 @@ def search_policy(task: Task, run: RunTrial, o: SearchOptions, improve: Improve,
             policy = improve(process, policy, i)
             expected = Forecast(*map(np.asarray, predict(process, policy)))
             seconds = time.monotonic() - begun
-            trial = run(lambda x, k, p=policy: np.asarray(answer(p, x)), i)  # type: ignore[misc]
+            trial = run(policy, i)
             step = SearchStep(trial, realised_cost(task, trial), float(expected.cost[1:].sum()), seconds, expected)
             result.policy = policy
         seen.append(transitions(task, trial))
