@@ -13,7 +13,6 @@ from .output import can_write, replace_file
 
 if TYPE_CHECKING:
     from .. import _core
-    from .policies.feedback import Feedback
     from .policies.search import SearchOptions, Try
     from .policies.task import Task
 
@@ -110,16 +109,11 @@ def _trials(a: argparse.Namespace, robot: _core.Robot, task: Task, o: SearchOpti
 
 
 def _robot_trials(a: argparse.Namespace, robot: _core.Robot, task: Task, o: SearchOptions) -> Try:
-    from .policies.feedback import document
     from .policies.on_robot import RobotTrials
     from .policies.search import fresh_policy
 
-    def write(policy: Feedback) -> Path:
-        replace_file(a.out, json.dumps(document(task, policy.network(), "sine"), indent=1) + "\n")
-        return Path(a.out)
-
     words = ["--arm"] * a.arm + ["--lockstep"] * a.lockstep
-    trials = RobotTrials(robot, task, write, a.out.with_name(a.out.stem + "_trials"), words, a.reset)
+    trials = RobotTrials(robot, task, a.out.with_name(a.out.stem + "_trials"), words, a.reset)
     # commands that jump in every period shake a robot: one that answers what it sees goes first
     return lambda policy, index: trials(fresh_policy(task, o, index, 1.0) if policy is None else policy, index)
 

@@ -2,8 +2,9 @@
 from __future__ import annotations
 
 import csv
+import json
 import subprocess
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from ..._command import command_line, environment
 from ..._errors import Error
 from ..output import replace_file
 from ..robot_text import with_words
-from .feedback import Feedback
+from .feedback import Feedback, document
 from .minimise import Numbers
 from .plant import Trial
 from .task import Task
@@ -26,23 +27,25 @@ class TrialFailed(Error):
 
 
 class RobotTrials:
-    """Every trial writes the policy, and beside the robot file a file ROBOT_trial.toml that names it; its log is kept.
+    """Every trial leaves its policy and its log in a folder; beside the robot file stands ROBOT_trial.toml meanwhile.
     What is measured is the filter's mean, which the policy sees there too; nobody knows the truth, and it stands for
     that as well."""
 
-    def __init__(self, robot: _core.Robot, task: Task, write: Callable[[Feedback], Path], logs: Path,
-                 words: Sequence[str], reset: str | None = None) -> None:
-        self._robot, self._task, self._write, self._logs = robot, task, write, logs
+    def __init__(self, robot: _core.Robot, task: Task, folder: Path, words: Sequence[str],
+                 reset: str | None = None) -> None:
+        self._path, self._task, self._folder = Path(robot.path), task, folder
         self._words, self._reset = list(words), reset
-        self._path = Path(robot.path)
 
     def __call__(self, policy: Feedback, index: int) -> Trial:
         """Raises TrialFailed where the robot's log has no two periods of motion."""
         if self._reset and subprocess.run(self._reset, shell=True).returncode:
             raise TrialFailed(f"--reset {self._reset}: failed; trial {index + 1} has not begun",
                               status="command_failed")
-        self._logs.mkdir(parents=True, exist_ok=True)
-        log, file = self._logs / f"trial_{index + 1}.csv", self._trial_file(self._write(policy))
+        log = self._folder / f"trial_{index + 1}.csv"
+        log.unlink(missing_ok=True)
+        network = log.with_suffix(".json")
+        replace_file(network, json.dumps(document(self._task, policy.network(), "sine"), indent=1) + "\n")
+        file = self._trial_file(network)
         try:
             seconds = (self._task.horizon + 1) * self._task.period_s
             code = _steer(["run", str(file), "--seconds", f"{seconds:.9g}", "--log", str(log), "--quiet", *self._words])
@@ -82,6 +85,8 @@ def read_trial(log: Path, task: Task, exit_code: int = 0) -> Trial:
                     rows.append(np.array([float(row[name]) for name in (*states, *commands)]))
                 elif rows:
                     break
+    except FileNotFoundError:
+        status = "no log"
     except (OSError, KeyError, ValueError) as problem:
         raise TrialFailed(f"{log}: {problem}; tiller run ended with {exit_code}", status="command_failed") from problem
     table = np.array(rows[:task.horizon + 1]).reshape(-1, task.nx + task.nu)
