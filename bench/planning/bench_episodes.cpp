@@ -102,7 +102,8 @@ tools::RobotFile knowing(const tools::RobotFile& robot, const std::vector<bench:
   return oracle;
 }
 
-/// As `tiller run --method` has them: one step after each episode, 10,000 simulations, a bound of 1 nat.
+/// As `tiller run --method` has them: one step after each episode, 10,000 simulations, a bound of 1 nat a
+/// learnt parameter.
 tools::RefitPrior refit_of(Arm arm) {
   tools::RefitOptions options;
   options.method = arm == kReps ? "reps" : "simopt";

@@ -643,7 +643,7 @@ TEST_F(Command, IdentifyRefusesOptionsThatTheMethodDoesNotRead) {
 
 // What is left out is the method's own, not false and not zero.
 TEST_F(Command, FormsOfADiscrepancyThatAreNotGivenAreTheMethods) {
-  if (std::string why; !laboratory_is_ready(why)) GTEST_SKIP() << why;
+  if (std::string why; !tiller::tools::laboratory_is_ready(why)) GTEST_SKIP() << why;
   const std::string pendulum = std::string(TILLER_TEST_ROBOTS) + "/pendulum.toml";
   ASSERT_EQ(run({"run", pendulum, "--sim", "--seconds", "3", "--quiet", "--log", "p.csv"}).code, 0);
   const auto table = [&](const Words& options) {
@@ -665,7 +665,7 @@ TEST_F(Command, FormsOfADiscrepancyThatAreNotGivenAreTheMethods) {
 }
 
 TEST_F(Command, EpisodesAreRefittedByAMethod) {
-  if (std::string why; !laboratory_is_ready(why)) GTEST_SKIP() << why;
+  if (std::string why; !tiller::tools::laboratory_is_ready(why)) GTEST_SKIP() << why;
   const Words series = {"run",        kCartPole,  "--sim",       "--quiet",         "--seconds",
                         "1",          "--method", "simopt",      "--simulations",   "1000",
                         "--episodes", "2",        "--posterior", "kept/simopt.json"};
@@ -702,7 +702,7 @@ TEST_F(Command, EpisodesAreRefittedByAMethod) {
 
 // Its noise scale and exponent are not known: the file says 1, and not what no reader takes.
 TEST_F(Command, WhatAMethodLearnsIsAPriorToo) {
-  if (std::string why; !laboratory_is_ready(why)) GTEST_SKIP() << why;
+  if (std::string why; !tiller::tools::laboratory_is_ready(why)) GTEST_SKIP() << why;
   const std::string pendulum = std::string(TILLER_TEST_ROBOTS) + "/pendulum.toml";
   ASSERT_EQ(run({"run", pendulum, "--sim", "--seconds", "3", "--quiet", "--log", "p.csv"}).code, 0);
   const Ended fitted = run(

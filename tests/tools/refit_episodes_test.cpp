@@ -145,8 +145,9 @@ double divergence(const GaussianMixture& to, const GaussianMixture& from) {
 /// ones, so that the bound of the weights bounds the step from an episode's prior to the next one's. Cut off by the
 /// bounds is a share of less than a tenth of the draws: that adds log(1 / 0.9).
 TEST_F(RefitEpisodes, AStepGoesAsFarAsTheBound) {
-  for (const double kl : {0.25, 1.0}) {
-    options_.refit = make_refit(quick("simopt", kl));
+  for (const double asked : {0.25, 1.0, std::nan("")}) {
+    const double kl = std::isnan(asked) ? 2.0 : asked;  // one for each learnt parameter
+    options_.refit = make_refit(quick("simopt", asked));
     const std::string name = format("kl%g.json", kl);
     (void)run(1, name);
     const GaussianMixture first = stored(name).mixture;

@@ -354,7 +354,8 @@ void add_run_command(CLI::App& app, int& exit_code) {
                    "runs of --seconds one after the other, each from the start; the posterior of "
                    "one is the prior of the next (docs/guide/episodes.md)")
       ->check(CLI::Range(1, 100000));
-  MethodOptionsText said{refit_methods(), "what the next episode's prior is made by", "(default 1, a step an episode)"};
+  MethodOptionsText said{refit_methods(), "what the next episode's prior is made by", "(default 1, a step an episode)",
+                         "(default 1 for each learnt parameter)"};
   said.methods.insert(said.methods.begin(), "posterior");
   said.methods.emplace_back("bayes_sim");
   a->refit.how.iterations = 1;

@@ -89,7 +89,7 @@ void add_method_options(CLI::App& command, const MethodOptionsText& text, std::s
       ->check(CLI::Range(100, 10000000));
   command.add_option("--iterations", how.iterations, "of simopt, trajectory_simopt " + text.iterations)
       ->check(CLI::Range(1, 1000));
-  command.add_option("--kl", how.kl, "bound of reps, simopt, trajectory_simopt in an iteration (default 1)")
+  command.add_option("--kl", how.kl, "bound of reps, simopt, trajectory_simopt in an iteration " + text.kl)
       ->check(number_between(1e-6, 100));
   command
       .add_option("--eta", how.eta,

@@ -13,6 +13,7 @@ struct MethodOptionsText {
   Words methods;                            ///< that it takes, the default first
   std::string what = "how to learn";        ///< --method
   std::string iterations = "(default 10)";  ///< behind --iterations
+  std::string kl = "(default 1)";           ///< behind --kl
 };
 
 /// --method and the options of the methods that the command takes; options that only others read are left out.

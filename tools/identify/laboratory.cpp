@@ -16,8 +16,6 @@ namespace {
 
 using nlohmann::json;
 
-constexpr const char* kLost = "the laboratory ended without an answer; what it printed stands above";
-
 // ---- processes ----------------------------------------------------------------------------------------
 
 using Worker = std::unique_ptr<PythonWorker>;
@@ -59,11 +57,16 @@ bool send_block(PythonWorker& to, const void* data, std::uint64_t size) {
 json options_json(const MethodOptions& how, double period_s) {
   json scale;
   if (how.scale) scale = *how.scale;
-  return {{"simulations", how.simulations}, {"iterations", how.iterations},
-          {"kl", how.kl},                   {"eta", how.eta},
-          {"epsilon", how.epsilon},         {"accept", how.accept},
-          {"discrepancy", how.discrepancy}, {"smoothing_steps", how.smoothing_s / period_s},
-          {"weight_l1", how.weight_l1},     {"weight_l2", how.weight_l2},
+  return {{"simulations", how.simulations},
+          {"iterations", how.iterations},
+          {"kl", std::isnan(how.kl) ? 1.0 : how.kl},
+          {"eta", how.eta},
+          {"epsilon", how.epsilon},
+          {"accept", how.accept},
+          {"discrepancy", how.discrepancy},
+          {"smoothing_steps", how.smoothing_s / period_s},
+          {"weight_l1", how.weight_l1},
+          {"weight_l2", how.weight_l2},
           {"scale", scale}};
 }
 
@@ -113,12 +116,13 @@ void take_result(const std::string& text, MethodResult& out) {
 }
 
 /// (count x (np + 1)): parameters and weight.
-void take_draws(const std::vector<double>& rows, std::size_t np, MethodResult& out) {
+bool take_draws(const std::vector<double>& rows, std::size_t np, MethodResult& out) {
   for (std::size_t at = 0; at + np < rows.size(); at += np + 1) {
     out.params.insert(out.params.end(), rows.begin() + static_cast<std::ptrdiff_t>(at),
                       rows.begin() + static_cast<std::ptrdiff_t>(at + np));
     out.weight.push_back(rows[at + np]);
   }
+  return true;
 }
 
 /// A fit as the laboratory asks for it: simulations, then the result or why there is none.
@@ -129,17 +133,14 @@ class Conversation {
 
   /// False with a sentence in `error`. `alive`: the process can be asked again.
   bool hold(MethodResult& result, std::string& error, bool& alive) {
-    error = kLost;
-    for (char kind = 0; (alive = next(kind));) {
-      if (kind == 's' && !simulate()) break;
-      if (kind == 'e') error.assign(bytes_.begin(), bytes_.end());
-      if (kind == 'e') return false;
+    for (char kind = 0; (alive = alive && next(kind));) {
+      if (kind == 's') alive = simulate();
       if (kind == 'r') take_result({bytes_.begin(), bytes_.end()}, result);
-      if (kind != 'd') continue;
-      take_draws(numbers(), problem_.config->param_count, result);
-      return true;
+      if (kind == 'd') return take_draws(numbers(), problem_.config->param_count, result);
+      if (kind == 'e') return error.assign(bytes_.begin(), bytes_.end()), false;
     }
-    return alive = false;
+    error = "the laboratory ended without an answer; what it printed stands above";
+    return false;
   }
 
  private:

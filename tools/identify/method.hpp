@@ -15,7 +15,8 @@ namespace tiller::tools {
 struct MethodOptions {
   std::uint32_t simulations = 10000;  ///< in all; SimOpt spends them in equal parts on its iterations
   std::uint32_t iterations = 10;      ///< of SimOpt
-  double kl = 1.0;                    ///< bound of the KL divergence of REPS weights, > 0
+  /// Bound of the KL divergence of REPS weights, > 0; NaN: 1, between episodes 1 for each learnt parameter.
+  double kl = std::numeric_limits<double>::quiet_NaN();
   double eta = std::numeric_limits<double>::quiet_NaN();      ///< temperature of reps, > 0; NaN: by `kl`
   double epsilon = std::numeric_limits<double>::quiet_NaN();  ///< ABC's tolerance; NaN: by `accept`
   double accept = 0.01;                  ///< share of the simulations that ABC keeps where epsilon is not given
