@@ -13,10 +13,9 @@ import jax  # noqa: E402
 import jax.numpy as jnp  # noqa: E402
 import tiller  # noqa: E402
 import tiller.jax  # noqa: E402
-from tiller.labs.imitate import network, robot_text  # noqa: E402
+from tiller.labs.imitate import iq, network, robot_text  # noqa: E402
 from tiller.labs.imitate.adversarial import AdversarialOptions, fit_policy  # noqa: E402
 from tiller.labs.imitate.cost import whole_cost  # noqa: E402
-from tiller.labs.imitate.iq import IqOptions, fit_iq  # noqa: E402
 from tiller.labs.imitate.plan import Planner  # noqa: E402
 from tiller.labs.imitate.problem import Motion, Problem, Scene  # noqa: E402
 
@@ -65,9 +64,12 @@ def moved(law, starts):
     return np.array(states), np.array(inputs)
 
 
-# IQ-Learn sees two motions to rest, from one side each, and then begins elsewhere between them. Less than a fifth more
-# is spent than by the demonstrator; a policy that does nothing spends over twice as much. The same seed gives the same.
-def test_iq_learn_brings_a_mass_to_rest_as_it_was_shown():
+# IQ-Learn sees two motions to rest, one from each side, and is judged elsewhere between them. It begins at a network
+# that has learnt nothing, in the place of cloning, which spends more than twice what the demonstrator does. Less than a
+# fifth more was asked of what it learns; 1.06 was found.
+def test_iq_learn_brings_a_mass_to_rest_as_it_was_shown(monkeypatch):
+    monkeypatch.setattr(iq, "clone", lambda scene, motions, key: network.make_policy(
+        scene, network.pairs(motions)[0], key))
     scene = Scene(lambda x, u: jnp.stack([x[..., 0] + 0.05 * x[..., 1], x[..., 1] + 0.05 * u[..., 0]], -1),
                   np.array([False, False]), np.array([-2.0]), np.array([2.0]), np.array([np.inf]))
 
@@ -76,15 +78,14 @@ def test_iq_learn_brings_a_mass_to_rest_as_it_was_shown():
 
     states, inputs = moved(expert, np.array([[1.0, 0.0], [-1.0, 0.2]]))
     motions = [Motion(states[:, i], inputs[:, i]) for i in range(2)]
-    fits = [fit_iq(scene, motions, IqOptions(iterations=60, rollouts=16, seed=1)) for _ in range(2)]
-    assert network.weights_of(fits[0].policy) == network.weights_of(fits[1].policy)
+    fit = iq.fit_iq(scene, motions, iq.IqOptions())
     starts = np.random.default_rng(1).uniform(-1, 1, (16, 2)) * [1, 0.5]
 
     def spent(law):
         return (moved(law, starts)[0]**2).sum()
 
-    assert spent(lambda x: np.zeros((len(x), 1))) > 2 * spent(expert)
-    assert spent(jax.vmap(fits[0].policy)) < 1.2 * spent(expert)
+    assert spent(jax.vmap(fit.cloned)) > 2 * spent(expert)
+    assert spent(jax.vmap(fit.policy)) < 1.2 * spent(expert)
 
 
 def test_written_weights_are_the_policys():
