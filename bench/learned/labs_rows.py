@@ -22,7 +22,7 @@ from tiller.labs import Options, Prior, Problem, infer
 
 ROOT = Path(__file__).resolve().parents[2]
 TICKS, SIGMA, SIMULATIONS = 400, 0.03, 2000
-HOPPER_RMS = [0.01] * 12
+HOPPER_RMS = [0.029, 0.043, 0.24, 0.29, 0.2, 0.26, 0.95, 1.2, 7.6, 8.5, 5.4, 5.7]
 WAYS = {"linear": Options(rounds=4), "cross": Options(rounds=4, summary="cross_correlation"),
         "fourier": Options(rounds=4, density="fourier"), "recurrent": Options(rounds=4, summary="recurrent"),
         "smc": Options(method="smc_abc"), "mcmc": Options(method="mcmc_abc", accept=0.05),

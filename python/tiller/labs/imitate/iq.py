@@ -20,19 +20,17 @@ import numpy as np
 import optax
 
 from .adversarial import Adversarial, play
-from .network import Seen, clone, pairs, split
+from .network import HIDDEN, Seen, clone, pairs, split
 from .problem import Array, Motion, Scene
-
-WIDTH = 64  # of Q's layers
 
 
 @dataclass(frozen=True)
 class IqOptions:
     iterations: int = 400
-    rollouts: int = 32       # of an iteration, from states around the demonstrated ones
+    rollouts: int = 16       # of an iteration, from states around the demonstrated ones
     steps: int = 60          # periods of a rollout
-    updates: int = 10        # of an iteration: Q, then the policy
-    batch: int = 256         # transitions of each side
+    updates: int = 5         # of an iteration: Q, then the policy
+    batch: int = 128         # transitions of each side
     answers: int = 4         # of the policy at a state, for V
     discount: float = 0.97
     alpha: float = 0.5
@@ -139,7 +137,7 @@ def fit_iq(scene: Scene, motions: Sequence[Motion], options: IqOptions,
     cloned = clone(scene, motions, key_policy)
     weights, fixed = split(cloned)
     learner = _Learner(scene, motions, options, fixed)
-    q = eqx.nn.MLP(learner.seen.size, 1, WIDTH, 2, jax.nn.tanh, key=key_q)
+    q = eqx.nn.MLP(learner.seen.size, 1, HIDDEN, 2, jax.nn.tanh, key=key_q)
     actor = (weights, jnp.full(scene.nu, np.log(options.first_sd)))
     state = _State(q, actor, learner.adam.init(eqx.filter(q, eqx.is_inexact_array)), learner.adam.init(actor), weights)
     state, gap = play(learner.round, state, key, options.iterations, progress)
