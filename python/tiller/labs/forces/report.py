@@ -42,6 +42,7 @@ def report(learnt: Learnt, robot_file: str) -> dict[str, Any]:
     return {"format": "tiller learn", "version": 1, "robot": d["robot"], "model": d["model"], "robot_file": robot_file,
             "seconds": d["seconds"], "samples": len(learnt.ground.forces.weight),
             "before": learnt.ground.before.document(),
+            "fitted": {"names": d["param_names"], "values": d["params"]},
             "joints": [{key: joint[key] for key in ("name", "position", "velocity", "force")} for joint in d["joints"]],
             "residual": {**(residual.document() if residual else {}), "joint": d["residual_joint"],
                          "ratio": learnt.ratio(residual) if residual else None},
