@@ -4,8 +4,8 @@
         [--plants p,..] [--kinds k,..] [--options "--form network"] [--csv FILE] [--worlds FOLDER]
 
 Nine kinds of physics in ODE plants (bench_learned_worlds). Each world's work logs are learnt from; its scoring runs,
-which nothing was fitted to, judge from their true states: error of rollouts of one second after learning, over the error
-of the model whose parameters were fitted to the same logs. A case is a line of build/dynamics_rows.csv; a run that was
+which nothing was fitted to, judge from their true states: error of rollouts of one second after learning, over the
+error of the model whose parameters were fitted to the same logs. A case is a line of build/dynamics_rows.csv; a run that was
 cut goes on behind the last one."""
 import argparse
 import csv

@@ -147,7 +147,7 @@ def test_forces_are_right_where_the_logs_were_and_rollouts_nearer(learnt):
     rows = [line.split(",") for line in open(write_log(folder / "fresh.csv", 99), encoding="utf-8")][1:101]
     u = np.array([[float(row[2])] for row in rows])
     measured = np.array([float(row[1]) for row in rows])
-    params = with_forces.prior_centre
+    params = np.array(with_forces.prior_centre)
     params[-1] = 0.5
 
     def error(robot, params):
@@ -164,7 +164,7 @@ def test_what_is_learnt_of_nothing_is_refused(tmp_path):
     assert not (tmp_path / "out/hidden_learnt.toml").exists()
 
 
-@pytest.mark.parametrize(("change", "says"), [("", "3.0 s"), ("still", "never move"), ("learnt", "already")])
+@pytest.mark.parametrize(("change", "says"), [("", "3.0 s"), ("still", "must move"), ("learnt", "already")])
 def test_what_the_logs_or_the_file_lack_is_told(tmp_path, change, says):
     log = write_log(tmp_path / "log.csv", 9, seconds=3.0 if not change else 8.0)
     text = ROBOT

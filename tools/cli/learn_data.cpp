@@ -87,7 +87,7 @@ bool ground(const LearnData& a, const RobotFile& robot, const learn::Course& cou
   if (!read_text(robot.path, text)) return false;
   if (a.catalogue) {
     if (!read_ground_file(a.base, plain) ||
-        !learn::find_catalogue(robot, text, course, plain, a.threads, found, error))
+        !learn::find_catalogue(robot, text, course, plain, a.threads, gap::hash_of_files(a.logs), found, error))
       return false;
   } else if (!learn::lay_ground(robot, text, course, found, error)) {
     return false;
@@ -110,7 +110,8 @@ int write_learn_data(const LearnData& a) {
     if (!load(*robot, a.logs, grids)) return kExitBadInput;
     good = learn::split(grids, a.hold_out, course, error);
     if (a.all) course.train = grids;
-    good = good && (a.network.empty() ? ground(a, *robot, course, json, error) : beside(a, *robot, course, json, error));
+    good =
+        good && (a.network.empty() ? ground(a, *robot, course, json, error) : beside(a, *robot, course, json, error));
   }
   if (good && replace_file(a.out, json, error)) return kExitOk;
   return error.empty() ? static_cast<int>(kExitBadInput) : complain(error);
@@ -127,9 +128,11 @@ void add_learn_data(CLI::App& data, int& exit_code) {
   command->add_option("--hold-out", a->hold_out, "last share of every log, which judges (default 0.25)")
       ->check(number_between(0.05, 0.8));
   auto* base = command->add_option("--base", a->base, "what this command wrote before, to stand on");
-  auto* states = command->add_option("--states-of", a->states_of, "the same; judged rollouts begin where its filter is");
-  auto* network = command->add_option("--network", a->network, "network file: the forces that are left beside it, and "
-                                                               "what rollouts with it come to on the held-out part");
+  auto* states =
+      command->add_option("--states-of", a->states_of, "the same; judged rollouts begin where its filter is");
+  auto* network = command->add_option("--network", a->network,
+                                      "network file: the forces that are left beside it, and "
+                                      "what rollouts with it come to on the held-out part");
   network->needs(base);
   network->needs(states);
   command->add_option("--force-sd", a->force_sd, "intensity of what is left, near which it is sought")
