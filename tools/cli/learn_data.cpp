@@ -50,7 +50,13 @@ bool load(const RobotFile& robot, const Words& paths, std::vector<Grid>& grids) 
 /// From states that are known, such as those of a simulation: what a robot file is worth on logs.
 bool judge(const LearnData& a, const RobotFile& robot, std::string& json) {
   std::vector<Grid> grids, known;
-  if (!load(robot, a.logs, grids) || !load(robot, a.starts, known)) return false;
+  RobotFile all = robot;  // with a sensor for each state
+  all.config.measurement_count = robot.model->state_count;
+  for (std::uint32_t i = 0; i < robot.model->state_count; ++i) {
+    all.config.measured_state[i] = static_cast<std::uint8_t>(i);
+    all.config.measurement_sd[i] = 1.0;
+  }
+  if (!load(robot, a.logs, grids) || !load(all, a.starts, known)) return false;
   if (known.size() != grids.size()) return complain("--starts: not as many stretches as the logs have"), false;
   std::vector<Eigen::MatrixXd> states;
   for (const Grid& grid : known) {
