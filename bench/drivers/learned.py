@@ -1,4 +1,4 @@
-# programs: bench_network_step bench_learned_dynamics
+# programs: bench_network_step bench_learned_worlds
 """./dev bench learned: what is learnt rather than derived: forces, policies, costs, posteriors of black boxes.
 
     ./dev bench learned                          every section that this build has
@@ -7,7 +7,7 @@
 
 Sections:
     step        what a network costs in a rollout (bench_network_step)
-    dynamics    learned forces on data in which something without a name is hidden (bench_learned_dynamics)
+    dynamics    learned forces on data in which something without a name is hidden (dynamics_rows.py, on JAX)
     policies    policy search with moment matching: the paper's pendulum and cart-pole (policies_rows.py, on JAX)
     local       local linear models with a prior, against none; guided policies (local_rows.py, on JAX)
     distill     small policies beside the planners that taught them (distill_rows.py, on JAX)
@@ -34,9 +34,9 @@ import sys
 
 from _driver import HOME, ONE_THREAD, PEERS, ROOT, need_environment, note, python_of, run_table, summary
 
-PROGRAMS = {"step": "bench_network_step", "dynamics": "bench_learned_dynamics"}
-SCRIPTS = {"policies": "policies_rows.py", "local": "local_rows.py", "distill": "distill_rows.py",
-           "imitate": "imitate_rows.py", "simulator": "labs_rows.py"}
+PROGRAMS = {"step": "bench_network_step"}
+SCRIPTS = {"dynamics": "dynamics_rows.py", "policies": "policies_rows.py", "local": "local_rows.py",
+           "distill": "distill_rows.py", "imitate": "imitate_rows.py", "simulator": "labs_rows.py"}
 
 
 def parse(arguments):
@@ -52,11 +52,9 @@ def parse(arguments):
 
 
 def dynamics_peers(args):
-    """The worlds of bench_learned_dynamics as files, learnt by others; a row each in build/dynamics_peers.csv."""
+    """The worlds of `dynamics`, learnt by others; a row each in build/dynamics_peers.csv."""
     worlds, rows = ROOT / "build/learned_worlds", ROOT / "build/dynamics_peers.csv"
-    made = subprocess.run([args.build / "bench" / PROGRAMS["dynamics"], "--export", worlds, *args.rest], cwd=ROOT,
-                          stdout=subprocess.DEVNULL, check=False)
-    if made.returncode or not need_environment("dynamics"):
+    if script(args, "dynamics") or not need_environment("dynamics"):
         return 1
     # mbrl-lib pins a hydra that Python 3.11 refuses; its networks run on a later one.
     subprocess.run([python_of("dynamics"), "-m", "pip", "install", "-q", "--disable-pip-version-check", "--no-deps",

@@ -1,4 +1,4 @@
-"""dynamics_peer.py FOLDER OUT.csv: PETS' and PILCO's learners on the data of `bench_learned_dynamics --export FOLDER`.
+"""dynamics_peer.py FOLDER OUT.csv: PETS' and PILCO's learners on the data of bench/learned/dynamics_rows.py.
 
 Two learners without physics, as the papers have them:
   pets   five probabilistic networks of mbrl-lib (Gaussian MLPs, three layers of 200, SiLU, bootstrapped, early stop on
@@ -10,7 +10,7 @@ that a robot file would have given.
 
 States: the encoders, smoothed by Savitzky-Golay (cubic, eleven points), and their derivative. One step is 50 ms, a
 usual period of these learners. Figures: the RMS error of rollouts of one second from the scoring runs' true states,
-every quarter of a second, in sensor deviations, as `bench_learned_dynamics` counts it, over that of tiller's model
+every quarter of a second, in sensor deviations, as dynamics_rows.py counts it, over that of tiller's model
 without anything learnt (`before_sigma` in the file); and the share of readings at the end of the second within the
 central 90 % of the particles, sensor noise added.
 """
@@ -41,7 +41,8 @@ class World:
 
     def __init__(self, path):
         case = json.loads(path.read_text(encoding="utf-8"))
-        self.states, self.period = case["states"], case["period_s"]
+        self.states = case["states"]
+        self.period = case["work"][0]["time_s"][1] - case["work"][0]["time_s"][0]
         self.stride = max(1, round(STEP_S / self.period))
         self.sensor_sd, self.before = case["sensor_sd"], case["before_sigma"]
         self.seen = [self.states.index(name) for name in case["measured"]]

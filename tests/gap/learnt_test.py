@@ -1,5 +1,5 @@
 """`tiller gap` where the missing force has no name: what it learns is written, loads, and beats the robot without it on
-a log that it has never seen."""
+a log that it has never seen. Where the laboratory is not installed, nine weights are offered, and that is said."""
 
 import json
 import os
@@ -21,9 +21,17 @@ def spring_with_a_gap(angle: float, _rate: float) -> float:
     return -4.0 * (max(angle - 0.25, 0.0) + min(angle + 0.25, 0.0))
 
 
-def gap(*arguments) -> subprocess.CompletedProcess:
+def gap(*arguments, **environment) -> subprocess.CompletedProcess:
     return subprocess.run([TILLER, "gap", *map(str, arguments)], capture_output=True, text=True, timeout=900,
-                          check=False)
+                          check=False, env=dict(os.environ, **environment))
+
+
+def without_laboratory(home: Path) -> str:
+    """An interpreter for which no laboratory is installed."""
+    path = home / "python_without"
+    path.write_text(f"#!/bin/sh\ncase $2 in tiller_tools.laboratory) exit 1;; esac\nexec {sys.executable} \"$@\"\n")
+    path.chmod(0o755)
+    return str(path)
 
 
 class Learnt(unittest.TestCase):
@@ -36,6 +44,7 @@ class Learnt(unittest.TestCase):
         cls.unseen = [write_log(cls.home / f"unseen_{i}.csv", simulate(50 + i, 0.0, force=spring_with_a_gap))
                       for i in range(2)]
         cls.out = cls.home / "out"
+        cls.logs = logs
         cls.found = gap(cls.robot, *logs, "-o", cls.out)
 
     @classmethod
@@ -44,13 +53,20 @@ class Learnt(unittest.TestCase):
 
     def test_the_learnt_force_is_offered(self):
         self.assertEqual(self.found.returncode, 2, self.found.stdout + self.found.stderr)
-        self.assertIn("held-out rollouts of one second are", self.found.stdout)
+        self.assertIn("forces at all joints were learnt", self.found.stdout)
         self.assertIn("learning what is left at all joints", self.found.stderr)
         self.assertTrue((self.out / "arm_gap_network.json").exists())
         self.assertIn('"arm_gap_network.json"', (self.out / "arm_gap.toml").read_text())
         check = subprocess.run([TILLER, "check", str(self.out / "arm_gap.toml")], capture_output=True, text=True,
                                check=False)
         self.assertEqual(check.returncode, 0, check.stdout + check.stderr)
+
+    def test_nine_weights_are_offered_where_the_laboratory_is_not_installed(self):
+        out = self.home / "without"
+        found = gap(self.robot, *self.logs, "-o", out, TILLER_PYTHON=without_laboratory(self.home))
+        self.assertIn("pip install 'tiller[labs]'", found.stderr)
+        self.assertIn('kind = "residual"', (out / "arm_gap.toml").read_text())
+        self.assertFalse((out / "arm_gap_network.json").exists())
 
     def test_the_new_file_is_nearer_to_a_log_that_it_has_never_seen(self):
         """Judged by its rollouts before anything is added to it. The held-out part of the logs says a third."""

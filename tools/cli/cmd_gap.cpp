@@ -134,8 +134,9 @@ std::vector<std::uint32_t> residual_joints(const gap::Result& result) {
 bool add_learnt(const GapOptions& options, const RobotFile& robot, std::string& text) {
   std::string error;
   if (!run_python_tool("laboratory", {"--check"}, error)) {
-    std::fprintf(stderr, "gap: nine weights at one joint are offered, for the laboratory `tiller learn`, which would "
-                         "learn forces at all joints, is not installed: pip install 'tiller[labs]', or run it once\n");
+    std::fprintf(stderr,
+                 "gap: nine weights at one joint are offered, for the laboratory `tiller learn`, which would "
+                 "learn forces at all joints, is not installed: pip install 'tiller[labs]', or run it once\n");
     return false;
   }
   std::fprintf(stderr, "gap: learning what is left at all joints (tiller learn)\n");
@@ -143,8 +144,8 @@ bool add_learnt(const GapOptions& options, const RobotFile& robot, std::string& 
   const fs::path folder = options.folder, begin = folder / (stem + "_before.toml"),
                  learnt = folder / (stem + "_learnt.toml");
   if (!replace_file(begin.string(), text, error)) return complain(error), false;
-  Words words = {"learn", begin.string(), "-o", folder.string(), "--stem", stem, "--no-catalogue", "--beat-residual",
-                 "--quiet"};
+  Words words = {"learn",          begin.string(),    "-o",     folder.string(), "--stem", stem,
+                 "--no-catalogue", "--beat-residual", "--quiet"};
   words.insert(words.end(), options.find.logs.begin(), options.find.logs.end());
   const bool good = run_python_tool("laboratory", words, error);
   const bool taken = good && stop_requested == 0 && read_text(learnt.string(), text);

@@ -50,7 +50,13 @@ bool load(const RobotFile& robot, const Words& paths, std::vector<Grid>& grids) 
 /// From states that are known, such as those of a simulation: what a robot file is worth on logs.
 bool judge(const LearnData& a, const RobotFile& robot, std::string& json) {
   std::vector<Grid> grids, known;
-  if (!load(robot, a.logs, grids) || !load(robot, a.starts, known)) return false;
+  RobotFile all = robot;  // with a sensor for each state
+  all.config.measurement_count = robot.model->state_count;
+  for (std::uint32_t i = 0; i < robot.model->state_count; ++i) {
+    all.config.measured_state[i] = static_cast<std::uint8_t>(i);
+    all.config.measurement_sd[i] = 1.0;
+  }
+  if (!load(robot, a.logs, grids) || !load(all, a.starts, known)) return false;
   if (known.size() != grids.size()) return complain("--starts: not as many stretches as the logs have"), false;
   std::vector<Eigen::MatrixXd> states;
   for (const Grid& grid : known) {
@@ -87,7 +93,7 @@ bool ground(const LearnData& a, const RobotFile& robot, const learn::Course& cou
   if (!read_text(robot.path, text)) return false;
   if (a.catalogue) {
     if (!read_ground_file(a.base, plain) ||
-        !learn::find_catalogue(robot, text, course, plain, a.threads, found, error))
+        !learn::find_catalogue(robot, text, course, plain, a.threads, gap::hash_of_files(a.logs), found, error))
       return false;
   } else if (!learn::lay_ground(robot, text, course, found, error)) {
     return false;
@@ -110,7 +116,8 @@ int write_learn_data(const LearnData& a) {
     if (!load(*robot, a.logs, grids)) return kExitBadInput;
     good = learn::split(grids, a.hold_out, course, error);
     if (a.all) course.train = grids;
-    good = good && (a.network.empty() ? ground(a, *robot, course, json, error) : beside(a, *robot, course, json, error));
+    good =
+        good && (a.network.empty() ? ground(a, *robot, course, json, error) : beside(a, *robot, course, json, error));
   }
   if (good && replace_file(a.out, json, error)) return kExitOk;
   return error.empty() ? static_cast<int>(kExitBadInput) : complain(error);
@@ -127,9 +134,11 @@ void add_learn_data(CLI::App& data, int& exit_code) {
   command->add_option("--hold-out", a->hold_out, "last share of every log, which judges (default 0.25)")
       ->check(number_between(0.05, 0.8));
   auto* base = command->add_option("--base", a->base, "what this command wrote before, to stand on");
-  auto* states = command->add_option("--states-of", a->states_of, "the same; judged rollouts begin where its filter is");
-  auto* network = command->add_option("--network", a->network, "network file: the forces that are left beside it, and "
-                                                               "what rollouts with it come to on the held-out part");
+  auto* states =
+      command->add_option("--states-of", a->states_of, "the same; judged rollouts begin where its filter is");
+  auto* network = command->add_option("--network", a->network,
+                                      "network file: the forces that are left beside it, and "
+                                      "what rollouts with it come to on the held-out part");
   network->needs(base);
   network->needs(states);
   command->add_option("--force-sd", a->force_sd, "intensity of what is left, near which it is sought")

@@ -14,8 +14,8 @@ using AddCommand = void (*)(CLI::App& app, int& exit_code);
 /// A misspelt command or option is told with the nearest that there is.
 int run_command_line(int argc, char** argv, std::initializer_list<AddCommand> commands);
 
-// One source per command, cmd_<name>.cpp (laboratories.cpp for those that learn on the host), which adds its subcommand with options and two examples, and leaves
-// how it ended in `exit_code`. main.cpp lists them.
+// One source per command, cmd_<name>.cpp (laboratories.cpp for those that learn on the host), which adds its subcommand
+// with options and two examples, and leaves how it ended in `exit_code`. main.cpp lists them.
 void add_demo_command(CLI::App& app, int& exit_code);
 void add_run_command(CLI::App& app, int& exit_code);
 void add_sim_command(CLI::App& app, int& exit_code);

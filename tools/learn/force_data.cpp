@@ -5,12 +5,11 @@
 
 #include "effects/effect_info.hpp"
 #include "networks/network_check.hpp"
-#include "posterior/prior.hpp"
 #include "tools/base/text.hpp"
 #include "tools/gap/fit/hypothesis.hpp"
 #include "tools/gap/pipeline/engine.hpp"
 #include "tools/gap/report/robot_writer.hpp"
-#include "tools/gap/residual/fallback.hpp"
+#include "tools/learn/own_params.hpp"
 #include "tools/open/robot_open.hpp"
 
 namespace tiller::tools::learn {
@@ -18,7 +17,6 @@ namespace {
 
 using Vector = Eigen::VectorXd;
 
-constexpr std::uint32_t kMostRefitJoints = 3;
 constexpr double kCovered = 0.9, kMostNoise = 1e4;
 constexpr double kLeastJudged_s = 1.3;  // a rollout of one second, and what the filter needs to begin
 constexpr double kLeastLearnt_s = 3.0;
@@ -33,8 +31,7 @@ Config with_sensors(const tiller_config_t& config, double factor) {
 
 std::vector<Eigen::MatrixXd> states_by(const tiller_config_t& config, const Ground& ground,
                                        const std::vector<Grid>& grids) {
-  return filtered_states(with_sensors(config, ground.sensor_factor), grids, gap::prior_centre(config),
-                         ground.force_sd);
+  return filtered_states(with_sensors(config, ground.sensor_factor), grids, gap::prior_centre(config), ground.force_sd);
 }
 
 /// Root mean square (nf) of the joints' accelerations in the smoothed states.
@@ -145,60 +142,12 @@ bool smooth_ground(const RobotFile& robot, const Course& course, const Ground& s
   return true;
 }
 
-/// The fit of a residual with the largest evidence, at the joints of a machine of three at most.
-bool best_residual(const tiller_config_t& config, const std::vector<Grid>& grids, gap::ResidualFit& best) {
-  double most = -HUGE_VAL;
-  const std::vector<double> centre = gap::prior_centre(config);
-  for (std::uint32_t j = 0; j < config.model->joint_count && config.model->joint_count <= kMostRefitJoints; ++j) {
-    gap::ResidualFit fit;
-    std::string error;
-    if (!gap::fit_residual(config, grids, centre.data(), j, fit, error)) continue;
-    if (!(fit.log_evidence > most) || fit.nominal.size() != config.param_count) continue;
-    most = fit.log_evidence;
-    best = fit;
-  }
-  return std::isfinite(most);
-}
-
-/// The robot's own parameters as they stand beside the residual, with deviations; fixed ones as they are.
-gap::Explanation own_params(const RobotFile& robot, const gap::ResidualFit& fit) {
-  gap::Explanation own;
-  const std::vector<double> centre = gap::prior_centre(robot.config);
-  for (std::uint32_t p = 0; p < robot.config.param_count; ++p) {
-    gap::Estimate e;
-    e.name = robot.params[p];
-    e.fixed = robot.config.priors[p].kind == tiller_prior_fixed;
-    e.mean = centre[p];
-    own.params.push_back(e);
-  }
-  const std::size_t d = fit.at.size();
-  for (std::size_t i = 0; i < d; ++i) {
-    const std::uint32_t p = fit.at[i];
-    if (p >= robot.config.param_count) continue;  // a force of the residual
-    const double sd = std::sqrt(fit.covariance[i * d + i]);
-    own.params[p].mean = from_coordinate(robot.config.priors[p], fit.mean[i]);
-    own.params[p].sd = robot.config.priors[p].kind == tiller_prior_log_normal ? own.params[p].mean * sd : sd;
-  }
-  return own;
-}
-
-/// The nine weights at their mean.
-HeldOut judge_residual(const gap::ResidualFit& fit, const std::vector<Grid>& grids,
-                       const std::vector<Eigen::MatrixXd>& states) {
-  std::vector<double> params = gap::prior_centre(fit.config);
-  for (std::size_t i = 0; i < fit.at.size(); ++i)
-    params[fit.at[i]] = from_coordinate(fit.config.priors[fit.at[i]], fit.mean[i]);
-  return judge_rollouts(
-      {&fit.config, {params}, Eigen::Map<const Vector>(fit.config.process_sd, fit.config.model->state_count)}, grids,
-      states);
-}
-
 bool can_learn(const RobotFile& robot, std::string& error) {
   const tiller_model_t& model = *robot.model;
   if (model.joint_count == 0 || model.quaternion_mask != 0) {
-    error = std::string(model.name) + (model.joint_count == 0
-                                           ? " has no joints, so no forces to learn"
-                                           : " turns by a quaternion, which no network of forces reads") +
+    error = std::string(model.name) +
+            (model.joint_count == 0 ? " has no joints, so no forces to learn"
+                                    : " turns by a quaternion, which no network of forces reads") +
             "; choose another model, or `tiller gap`";
     return false;
   }
@@ -259,7 +208,7 @@ bool lay_ground(const RobotFile& robot, const std::string& text, const Course& c
 }
 
 bool find_catalogue(const RobotFile& robot, const std::string& text, const Course& course, const Ground& plain,
-                    unsigned threads, Ground& ground, std::string& error) {
+                    unsigned threads, const std::string& hash, Ground& ground, std::string& error) {
   constexpr std::size_t kJudged = 4;  // sets of effects that are tried on rollouts
   gap::Options options;
   options.max_effects = 2;
@@ -279,7 +228,7 @@ bool find_catalogue(const RobotFile& robot, const std::string& text, const Cours
   std::size_t tried = 0;
   for (const gap::Explanation& one : found.ranking) {
     std::string with;
-    if (one.effects.empty() || tried++ == kJudged || !gap::write_robot(robot, text, one, "", with, error)) continue;
+    if (one.effects.empty() || tried++ >= kJudged || !gap::write_robot(robot, text, one, hash, with, error)) continue;
     const auto read = parse_robot_file(with, robot.path, error);
     const double value = read ? wrong(*read) : HUGE_VAL;
     if (!(value < least)) continue;

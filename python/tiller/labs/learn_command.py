@@ -56,7 +56,7 @@ def add(one: argparse.ArgumentParser) -> None:
             ("members", int, 1, MOST_MEMBERS, "networks of the ensemble"),
             ("inducing", int, 4, 256, "inducing points of the Gaussian process"),
             ("hold-out", float, 0.05, 0.8, "last share of every log, kept for the judgement"),
-            ("most-ratio", float, 0, 1, "rollout errors on what is held out, with over without, that still earn a place"),
+            ("most-ratio", float, 0, 1, "rollout errors on what is held out, with over without, that earn a place"),
             ("seed", int, 1, 1000000, "of every random number"),
             ("threads", int, 1, 256, "of the search of the catalogue")):
         one.add_argument(f"--{name}", type=number_between(kind, least, most), metavar="N",

@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from ... import _core
 from ..._errors import CommandError
 from . import ensemble, process
 from .data import Array, Beside, Forces, Ground, HeldOut, Logs, Samples
+from .encoder import find_eccentricity
 from .network import document, evaluate
 from ..forces_options import Options
 
@@ -59,6 +61,7 @@ class Course:
             if self.o.form in ("auto", form):
                 self._add(learnt, form, stands_on)
         _choose(learnt, self.o)
+        self._doubt(learnt)
         if learnt.chosen and learnt.chosen.network:
             self._learn_from_all(learnt.chosen, plain)
         return learnt
@@ -72,6 +75,19 @@ class Course:
             return learnt.ground
         learnt.candidates.append(Candidate("catalogue", ground, ground.before, ground.document["process_sd"]))
         return ground if _earns(learnt, ground.before, learnt.ground.before, self.o) else learnt.ground
+
+    def _doubt(self, learnt: Learnt) -> None:
+        """An encoder's error is no force: what is learnt of it serves rollouts that begin at its readings alone."""
+        if not learnt.chosen:
+            return
+        self._tell("asking whether an eccentric encoder explains it")
+        robot = _core.Robot.from_text(learnt.ground.document["robot_text"], str(self.logs.robot))
+        encoder = find_eccentricity(robot, learnt.ground)
+        if encoder and encoder.ratio < learnt.ratio(learnt.chosen.held_out):
+            learnt.why = (f"refused: {encoder} explains the logs better ({encoder.ratio:.2f}) than "
+                          f"{name_of(learnt.chosen)} ({learnt.ratio(learnt.chosen.held_out):.2f}), and no force is "
+                          "missing; mount or calibrate it anew")
+            learnt.chosen = None
 
     def _add(self, learnt: Learnt, form: str, ground: Ground) -> None:
         try:

@@ -27,7 +27,8 @@ def table(learnt: Learnt) -> str:
     if learnt.residual:
         row(f"nine weights at {ground.document['residual_joint']}", learnt.residual)
     for one in learnt.candidates:
-        row(name_of(one), one.held_out, f"   beyond the data {one.spread_ratio:.1f} times as wide" if one.network else "")
+        row(name_of(one), one.held_out,
+            f"   beyond the data {one.spread_ratio:.1f} times as wide" if one.network else "")
     return "\n".join([*lines, "", "s: sensor deviations, root mean square over a second", learnt.why]) + "\n"
 
 
@@ -37,11 +38,12 @@ def report(learnt: Learnt, robot_file: str) -> dict[str, Any]:
     candidates = [{"name": name_of(one), "held_out": one.held_out.document(), "ratio": learnt.ratio(one.held_out),
                    "spread_ratio": one.spread_ratio if math.isfinite(one.spread_ratio) else None,
                    "members": one.network["members"] if one.network else 0,
-                   "weights": len(one.network["weights"]) if one.network else 0, "effects": one.ground.document["origin"],
-                   "seen": one.seen} for one in learnt.candidates]
+                   "weights": len(one.network["weights"]) if one.network else 0,
+                   "effects": one.ground.document["origin"], "seen": one.seen} for one in learnt.candidates]
     return {"format": "tiller learn", "version": 1, "robot": d["robot"], "model": d["model"], "robot_file": robot_file,
             "seconds": d["seconds"], "samples": len(learnt.ground.forces.weight),
             "before": learnt.ground.before.document(),
+            "fitted": {"names": d["param_names"], "values": d["params"]},
             "joints": [{key: joint[key] for key in ("name", "position", "velocity", "force")} for joint in d["joints"]],
             "residual": {**(residual.document() if residual else {}), "joint": d["residual_joint"],
                          "ratio": learnt.ratio(residual) if residual else None},
@@ -65,8 +67,8 @@ def robot_text(learnt: Learnt, one: Candidate, network_file: str) -> str:
     text = _noisier(one.ground.document["robot_text"], one).rstrip("\n") + "\n"
     if one.network is None:
         return text
-    return (f"{text}\n# Forces learnt by `tiller learn` from {learnt.ground.document['seconds']:.0f} s of logs: rollouts "
-            f"of one second {learnt.ratio(one.held_out):.2f} times as wrong as without.\n[[effects]]\nkind = "
+    return (f"{text}\n# Forces learnt by `tiller learn` from {learnt.ground.document['seconds']:.0f} s of logs: "
+            f"rollouts of one second {learnt.ratio(one.held_out):.2f} times as wrong as without.\n[[effects]]\nkind = "
             f"\"{one.name}\"\n\n[network]\nfile = \"{network_file}\"\n")
 
 
