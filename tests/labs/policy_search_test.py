@@ -13,7 +13,8 @@ from jax.flatten_util import ravel_pytree
 
 from tiller.labs.policies.feedback import Bells, Linear, command, document, make_feedback
 from tiller.labs.policies.forecast import forecast, long_term_cost
-from tiller.labs.policies.moments import Normal, bump_moments, bump_values, saturating_cost, squash, squashed, with_sines
+from tiller.labs.policies.moments import (Normal, bump_moments, bump_values, saturating_cost, squash, squashed,
+                                           with_sines)
 from tiller.labs.policies.pilco import pilco
 from tiller.labs.policies.plant import Trial
 from tiller.labs.policies.process import ProcessOptions, Shape, condition, evidence, fit_shape
@@ -86,7 +87,8 @@ def test_evidence_is_the_normal_density_and_fitting_raises_it():
     filled, target = np.zeros((50, 4)), np.zeros(50)
     filled[:30], target[:30] = x, y[:, 0]
     used = np.arange(50) < 30  # what fills up counts nothing
-    assert float(evidence(p, filled, target, used)) == pytest.approx(-multivariate_normal(np.zeros(30), k).logpdf(y[:, 0]))
+    density = multivariate_normal(np.zeros(30), k).logpdf(y[:, 0])
+    assert float(evidence(p, filled, target, used)) == pytest.approx(-density)
     found = np.concatenate([shape.log_length[0], [shape.log_signal[0], shape.log_noise[0]]])
     assert float(evidence(found, filled, target, used)) < float(evidence(p, filled, target, used)) - 10
 
@@ -126,7 +128,8 @@ class ByQuadrature:
 
     def __init__(self, task, x, y, shape, policy):
         self.task, self.x, self.y, self.policy = task, x, y, policy
-        self.length, self.signal, self.noise = (np.exp(v) for v in (shape.log_length, shape.log_signal, shape.log_noise))
+        self.length, self.signal = np.exp(shape.log_length), np.exp(shape.log_signal)
+        self.noise = np.exp(shape.log_noise)
 
     def gains(self, z):
         mean, variance = [], []
@@ -163,8 +166,8 @@ class ByQuadrature:
 
 
 def turning_task():
-    return Task(["angle_rad", "rate_rad_s"], ["torque_Nm"], [0], np.array([-2.0]), np.array([3.0]), np.array([0.4, -0.2]),
-                np.array([[0.05, 0.01], [0.01, 0.08]]), 0.1, 3, np.array([0.0, 0.0, 0.0, -1.0]),
+    return Task(["angle_rad", "rate_rad_s"], ["torque_Nm"], [0], np.array([-2.0]), np.array([3.0]),
+                np.array([0.4, -0.2]), np.array([[0.05, 0.01], [0.01, 0.08]]), 0.1, 3, np.array([0.0, 0.0, 0.0, -1.0]),
                 np.diag([0.0, 0.1, 0.7, 0.7]))
 
 
@@ -243,8 +246,8 @@ def test_pilco_turns_a_hinge_in_three_trials_and_again_the_same_way():
 
 def test_reps_turns_the_hinge_too():
     task, result = hinge_task(), SearchResult()
-    reps_search(task, hinge(task, 1), SearchOptions(trials=3, kind="linear"), RepsOptions(iterations=15, samples=30), quiet,
-                result)
+    o, how = SearchOptions(trials=3, kind="linear"), RepsOptions(iterations=15, samples=30)
+    reps_search(task, hinge(task, 1), o, how, quiet, result)
     assert result.steps[-1].cost < 7.5
 
 
@@ -276,6 +279,7 @@ def test_a_policy_stays_within_its_limits(kind):
 def test_a_file_has_as_many_weights_as_its_form_asks_for():
     task = turning_task()
     bells = document(task, example("rbf").network(), "sine")
-    assert isinstance(example("rbf"), Bells) and bells["network"]["inputs"] == ["sin angle_rad", "cos angle_rad", "rate_rad_s"]
+    assert isinstance(example("rbf"), Bells)
+    assert bells["network"]["inputs"] == ["sin angle_rad", "cos angle_rad", "rate_rad_s"]
     assert len(bells["network"]["weights"]) == 3 + 4 * 3 + 1 * (1 + 4) and bells["squash"] == "sine"
     assert len(document(task, example("linear").network(), "sine")["network"]["weights"]) == 1 + 3

@@ -164,7 +164,7 @@ class Guided:
 
     def _policy_about(self, local: Local) -> list[Law]:
         """The network near the samples: the regression of its commands on their states, with a mixture over all periods
-        as its prior (Montgomery and Levine 2016, section 4.1). Its slope at a point, of a few samples' width, is none."""
+        as its prior (Montgomery and Levine 2016, section 4.1). Its slope at a point is no gain."""
         task = self._task
         rows = [np.hstack([x, self._student.raw(x)]) for x in map(local.measured, range(task.horizon))]
         mixture = fit_mixture(np.concatenate(rows), 2 * task.horizon // 5 + 1, 10, self._o.seed)
@@ -235,6 +235,7 @@ class Guided:
 def guided_search(task: Task, goal: Goal, conditions: list[Condition], noise_sd: Numbers, o: GuidedOptions,
                   after: Callable[[GuidedStep, int], None], result: GuidedResult, refit: Refit | None = None) -> None:
     """An iteration runs each condition a few times under its laws, fits a linear model to each period with the
-    physics' derivative as prior (at parameters that `refit` fits to all runs), finds laws of less cost within a divergence of the network, linearised by regression
+    physics' derivative as prior (at parameters that `refit` fits to all runs), finds laws of less
+    cost within a divergence of the network, linearised by regression
     where the samples are, and fits the network to all laws (Montgomery and Levine, NIPS 2016)."""
     Guided(task, goal, conditions, noise_sd, o, refit).run(after, result)

@@ -34,7 +34,8 @@ class Student:
 
     def raw(self, x: Numbers) -> Numbers:
         """Commands (n, nu) at states (n, nx), not cut."""
-        return self._middle + self._half * np.asarray(self._answer(self._network, self._seen(x)))  # type: ignore[no-any-return]
+        share: Numbers = np.asarray(self._answer(self._network, self._seen(x)))
+        return self._middle + self._half * share
 
     def command(self, x: Numbers, k: int = 0) -> Numbers:
         return np.clip(self.raw(x[None])[0], self._task.low, self._task.high)  # type: ignore[no-any-return]
