@@ -11,7 +11,8 @@ Every state is measured with white noise (0.01 m, m/s, rad, rad/s), the start is
 costs are the papers': saturating in the distance of the rod's tip from where it shall be, of width 0.5 m and 0.25 m.
 Data begin with one trial of random commands, which counts. Solved at trial n: in trial n the tip stays within 8 cm of
 the target for the last 0.5 s. The seed decides random commands, starts, noise and the policy's first parameters;
-seeds 1 to 10 are scored, settings were chosen on seeds from 1000 on. Every seed is a line of --csv, written when it is done."""
+seeds 1 to 10 are scored, settings were chosen on seeds from 1000 on. Every seed is a line of --csv, written when it is
+done."""
 from __future__ import annotations
 
 import argparse
