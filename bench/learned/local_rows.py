@@ -58,7 +58,8 @@ def wander(robot, path, repeat):
 
     def controller(x, k):
         shape = np.sin(0.25 * np.arange(1, 4) * k + phase).sum(1) / 6
-        return np.clip(0.5 * (low + high) + (high - low) * (0.5 * shape + 0.1 * own.standard_normal(len(low))), low, high)
+        share = 0.5 * shape + 0.1 * own.standard_normal(len(low))
+        return np.clip(0.5 * (low + high) + (high - low) * share, low, high)
     return controller
 
 
@@ -67,8 +68,8 @@ class Samples:
         self.robot, self.seed = robot_of(name), seed
         self.nx, self.model = len(self.robot.states), Model(self.robot, PERIOD_S)
         self.sd = measured_deviation(self.robot, PERIOD_S)
-        run = PlantTrials(self.robot, PERIOD_S, PERIODS, self.sd, self.robot.initial_state, 1e-4 * np.eye(self.nx), seed,
-                          plant_seed=seed)
+        run = PlantTrials(self.robot, PERIOD_S, PERIODS, self.sd, self.robot.initial_state, 1e-4 * np.eye(self.nx),
+                          seed, plant_seed=seed)
         one = lambda which, path, s: run(wander(self.robot, path, seed * 100000 + which * 10000 + s), which * 1000 + s)
         self.motion = [one(1, seed * 10, s) for s in range(GRID[-1] + TESTS)]
         earlier = [one(2, seed * 100000 + 20000 + s, s) for s in range(EARLIER)]

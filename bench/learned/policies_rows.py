@@ -10,8 +10,9 @@ Deisenroth, Fox, Rasmussen 2015), on ODE plants: python bench/learned/policies_r
 Every state is measured with white noise (0.01 m, m/s, rad, rad/s), the start is drawn anew for each trial, and the
 costs are the papers': saturating in the distance of the rod's tip from where it shall be, of width 0.5 m and 0.25 m.
 Data begin with one trial of random commands, which counts. Solved at trial n: in trial n the tip stays within 8 cm of
-the target for the last 0.5 s. The seed decides random commands, starts, noise and the policy's first parameters; seeds 1
-to 10 are scored, settings were chosen on seeds from 1000 on. Every seed is a line of --csv, written when it is done."""
+the target for the last 0.5 s. The seed decides random commands, starts, noise and the policy's first parameters;
+seeds 1 to 10 are scored, settings were chosen on seeds from 1000 on. Every seed is a line of --csv, written when it is
+done."""
 from __future__ import annotations
 
 import argparse
@@ -111,7 +112,8 @@ class Paper:
         return np.hypot(across, self.length_m * (1 - np.cos(angle)))
 
 
-PAPERS = {"pendulum": Paper(PENDULUM, 4.0, 1.0, 0.5, 8, 20, False), "cart_pole": Paper(CART_POLE, 2.5, 0.6, 0.25, 10, 30, True)}
+PAPERS = {"pendulum": Paper(PENDULUM, 4.0, 1.0, 0.5, 8, 20, False),
+          "cart_pole": Paper(CART_POLE, 2.5, 0.6, 0.25, 10, 30, True)}
 WITHIN_M = 0.08
 
 
@@ -134,8 +136,8 @@ def search(name, seed, trials, restarts):
 
     def after(step, index):
         far.append(float(paper.distance(step.trial.truth[-6:]).max()))
-        print(f"{name}, seed {seed}, trial {index + 1}: predicted {step.predicted:.2f}, cost {step.cost:.2f}, tip within "
-              f"{far[-1]:.3f} m, {step.seconds:.1f} s", file=sys.stderr, flush=True)
+        print(f"{name}, seed {seed}, trial {index + 1}: predicted {step.predicted:.2f}, cost {step.cost:.2f}, tip "
+              f"within {far[-1]:.3f} m, {step.seconds:.1f} s", file=sys.stderr, flush=True)
 
     result = SearchResult()
     o = SearchOptions(trials - 1, bumps=paper.bumps, restarts=restarts, seed=seed)
@@ -147,11 +149,12 @@ def search(name, seed, trials, restarts):
 def report(name, rows):
     print(f"== {name}, {len(rows)} seeds")
     for row in rows:
-        print(f"  seed {row[0]}: solved at trial {row[1]}, last cost {row[2]:.2f}, {row[3]:.0f} CPU s; tip within (m, by "
-              f"trial): {row[4]}")
+        print(f"  seed {row[0]}: solved at trial {row[1]}, last cost {row[2]:.2f}, {row[3]:.0f} CPU s; tip within "
+              f"(m, by trial): {row[4]}")
     paper, at = PAPERS[name], [row[1] or 99 for row in rows]
     share = sum(n <= paper.trials for n in at) / len(at)
-    print(f"  solved within {paper.trials} trials, share of seeds {share:8.2f}   goal 1: {'met' if share == 1 else 'short'}")
+    met = "met" if share == 1 else "short"
+    print(f"  solved within {paper.trials} trials, share of seeds {share:8.2f}   goal 1: {met}")
     print(f"  trial at which it is solved, median  {statistics.median(at):8.1f}")
     print(f"  CPU time a seed                      {statistics.mean(row[3] for row in rows):8.0f} s", flush=True)
 

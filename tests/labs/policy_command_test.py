@@ -86,7 +86,8 @@ def test_what_is_missing_is_told(tmp_path, capsys):
     bare.write_text(text[:text.index("[sim]")], encoding="utf-8")
     assert main(["policy", str(bare), "-o", str(tmp_path / "p.json")]) == 1
     assert "has no [sim] section" in capsys.readouterr().err
-    assert main(["policy", str(ROBOTS / "two_link_arm.toml"), "--method", "guided", "-o", str(tmp_path / "p.json")]) == 1
+    arm = str(ROBOTS / "two_link_arm.toml")
+    assert main(["policy", arm, "--method", "guided", "-o", str(tmp_path / "p.json")]) == 1
     assert "costs of states alone" in capsys.readouterr().err
     idle = tmp_path / "idle.toml"
     idle.write_text(text.replace("state_weight = { angle_rad = 4.0, rate_rad_s = 0.05 }", ""), encoding="utf-8")
@@ -99,8 +100,8 @@ def test_what_is_missing_is_told(tmp_path, capsys):
 
 def test_ctrl_c_after_a_trial_writes_its_policy(tmp_path):
     out = tmp_path / "p.json"
-    words = [sys.executable, "-m", "tiller.labs", "policy", PENDULUM, "--trials", "900", "--seconds", "0.5", "--bumps", "4",
-             "--evaluations", "5", "-o", str(out)]
+    words = [sys.executable, "-m", "tiller.labs", "policy", PENDULUM, "--trials", "900", "--seconds", "0.5", "--bumps",
+             "4", "--evaluations", "5", "-o", str(out)]
     child = subprocess.Popen(words, stderr=subprocess.PIPE, text=True, env=dict(os.environ))
     for line in child.stderr:
         if line.startswith("trial 3"):

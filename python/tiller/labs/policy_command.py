@@ -54,7 +54,8 @@ def add(one: argparse.ArgumentParser) -> None:
     one.add_argument("robot", metavar="ROBOT", help="robot file (.toml) with a [sim] section")
     one.add_argument("--method", choices=METHODS, default="pilco",
                      help="; ".join(f"{name}: {what}" for name, what in METHODS.items()) + " (default %(default)s)")
-    one.add_argument("--kind", choices=("rbf", "linear"), default="rbf", help="pilco, reps: of the policy (default rbf)")
+    one.add_argument("--kind", choices=("rbf", "linear"), default="rbf",
+                     help="pilco, reps: of the policy (default %(default)s)")
     for name, kind, least, most, default, what in NUMBERS:
         one.add_argument(f"--{name}", type=number_between(kind, least, most), default=default, metavar="N",
                          help=f"{what} (default %(default)s)")

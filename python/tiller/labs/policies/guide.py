@@ -11,7 +11,7 @@ from .minimise import Numbers
 from .moments import Array
 from .physics import Physics
 
-GUESSES, KNOT = 16, 5  # of random commands, each held for so many periods
+GUESSES, KNOT = 24, 5  # of random commands, each held for so many periods
 ITERATIONS, LENGTHS = 80, 10  # step lengths 1, 1/2, ... side by side
 DONE = 1e-6  # relative gain
 
@@ -79,7 +79,7 @@ def _guesses(goal: Goal, horizon: int, seed: int) -> Numbers:
 def best_motions(physics: Physics, goal: Goal, starts: Numbers, horizon: int,
                  seed: int) -> tuple[Numbers, Numbers, Numbers]:
     """States (n, T + 1, nx), commands (n, T, nu) and gains (n, T, nu, nx) of the cheapest of GUESSES descents from each
-    start (n, nx). Cost: ITERATIONS x GUESSES x LENGTHS x n rollouts at
+    start (n, nx). The gains are those without limits: `goal` may leave them room. Cost: ITERATIONS x GUESSES x LENGTHS x n rollouts at
     most."""
     count, nu, nx = len(starts), len(goal.low), starts.shape[1]
     still = jnp.zeros((horizon, nu, nx))
@@ -103,12 +103,18 @@ def best_motions(physics: Physics, goal: Goal, starts: Numbers, horizon: int,
             return jnp.where(good, xs[at], x), jnp.where(good, us[at], u), jnp.where(good, costs[at], cost)
         return jax.vmap(one)(x, u, cost)
 
-    x, u, cost = begin(np.repeat(starts, GUESSES, 0), np.tile(_guesses(goal, horizon, seed), (count, 1, 1)))
-    for _ in range(ITERATIONS):
-        before = cost
-        x, u, cost = better(x, u, cost)
-        if np.all(np.asarray(before - cost) <= DONE * np.asarray(cost)):
-            break
-    least = np.where(np.isfinite(cost), cost, np.inf).reshape(count, GUESSES).argmin(1) + GUESSES * np.arange(count)
-    gain, _ = jax.jit(jax.vmap(lambda x, u: _policy(physics, goal, x, u)))(x[least], u[least])
+    guesses = np.tile(_guesses(goal, horizon, seed), (count, 1, 1))
+    for _ in range(2):  # then from what was best of any start too: starts are near each other
+        x, u, cost = begin(np.repeat(starts, GUESSES, 0), guesses)
+        for _ in range(ITERATIONS):
+            before = cost
+            x, u, cost = better(x, u, cost)
+            if np.all(np.asarray(before - cost) <= DONE * np.asarray(cost)):
+                break
+        total = np.where(np.isfinite(cost), cost, np.inf)
+        guesses = np.array(u)
+        guesses[::GUESSES] = u[int(total.argmin())]
+    least = total.reshape(count, GUESSES).argmin(1) + GUESSES * np.arange(count)
+    free = goal._replace(low=np.full(nu, -np.inf), high=np.full(nu, np.inf))
+    gain, _ = jax.jit(jax.vmap(lambda x, u: _policy(physics, free, x, u)))(x[least], u[least])
     return np.asarray(x[least]), np.asarray(u[least]), np.asarray(gain)

@@ -12,11 +12,13 @@ from .guide import Goal, best_motions
 from .laws import Law, Quadratic, expected_cost, kl_lqr, passage
 from .local import Data, LinearStep, fit_mixture, fit_step, prior_of_mixture, prior_of_model
 from .minimise import Numbers
-from .moments import Array
+from .physics import Physics
 from .plant import RunTrial, Trial
 from .student import Student
 from .task import Task
 
+ROOM = 0.8  # share of the limits' range that first motions use
+LOST = 1.2  # times what a motion was to cost: the plant does not follow it
 MOST_ROWS = 400  # transitions that the model is fitted to
 
 
@@ -58,11 +60,13 @@ class GuidedResult:
 class Local:
     """A condition's laws and what they were last seen to do."""
 
-    def __init__(self, laws: list[Law], epsilon: float) -> None:
-        self.laws, self.epsilon = laws, epsilon
+    def __init__(self, first: Numbers, epsilon: float) -> None:
+        self.first, self.epsilon = first, epsilon
         self.trials: list[Trial] = []
-        self.cost, self.expected = np.inf, np.inf
+        self.cost = self.planned = np.inf
+        self.laws: list[Law] = []
         self.models: list[LinearStep] = []
+        self.tried = False  # the trials are of laws near these
 
     def transitions(self, k: int) -> Numbers:
         return np.array([np.concatenate([t.measured[k], t.command[k], t.measured[k + 1]]) for t in self.trials])
@@ -75,8 +79,7 @@ class Local:
         return np.array([t.measured[k] for t in self.trials])
 
 
-Slopes = Callable[[Numbers], tuple[Array, Array]]  # (n, nx + nu) -> next states (n, nx) and slopes
-Refit = Callable[[Numbers], Slopes]  # of the model fitted to transitions (N, 2 nx + nu)
+Refit = Callable[[Numbers], Physics]  # the model fitted to transitions (N, 2 nx + nu)
 
 
 class Guided:
@@ -86,21 +89,26 @@ class Guided:
         self._task, self._goal, self._conditions, self._o = task, goal, conditions, o
         self._measured = noise_sd**2
         self._refit, self._rows = refit, []
-        self._physics: Slopes = jax.jit(jax.vmap(task.physics))
+        self._physics, self._expand = task.physics, jax.jit(jax.vmap(task.physics))
         self._student, self._noise, self._taught = Student(task, o.hidden, o.seed), np.eye(task.nu), False
         self._costs = [self._quadratic(k == task.horizon) for k in range(task.horizon + 1)]
 
     def run(self, after: Callable[[GuidedStep, int], None], result: GuidedResult) -> None:
         """Fills `result` as it goes; its network is that of the round whose runs cost least."""
-        locals_ = self._begin()
+        locals_ = [Local(c.start, self._o.epsilon) for c in self._conditions]
+        self._plan(locals_)
         for i in range(self._o.iterations):
             step = GuidedStep()
             for c, local in enumerate(locals_):
                 self._sample(c, local, i, step)
             if self._refit is not None:
                 self._learn_physics(locals_)
+            early = 2 * i < self._o.iterations
+            lost = [local for local in locals_ if early and local.cost > LOST * local.planned]
             for local in locals_:
-                self._improve(local, step)
+                if not any(local is other for other in lost):
+                    self._improve(local, step)
+            self._plan(lost)
             self._teach(locals_)
             self._judge(i, step)
             if result.best < 0 or step.policy_cost < result.steps[result.best].policy_cost:
@@ -114,15 +122,22 @@ class Guided:
         return Quadratic(np.diag(np.concatenate([weight, goal.control[:nu]])),
                          np.concatenate([-weight * goal.target, np.zeros(nu)]))
 
-    def _begin(self) -> list[Local]:
-        """Laws about the best motions of the file's model (Levine and Koltun 2013 begin with such)."""
+    def _plan(self, locals_: list[Local]) -> None:
+        """Laws about the best motions of the model as it is known (Levine and Koltun 2013 begin with such)."""
         task, o = self._task, self._o
-        assert task.physics is not None
-        sd = o.first_noise * (task.high - task.low)
-        starts = np.array([c.start for c in self._conditions])
-        motions = best_motions(task.physics, self._goal, starts, task.horizon, o.seed)
-        return [Local([Law(gain[k], u[k] - gain[k] @ x[k], np.diag(sd**2)) for k in range(task.horizon)], o.epsilon)
-                for x, u, gain in zip(*motions, strict=True)]
+        if not locals_:
+            return
+        starts, sd = np.array([local.first for local in locals_]), o.first_noise * (task.high - task.low)
+        room = 0.5 * (1 - ROOM) * (task.high - task.low)  # for the gains: a command at a limit has no feedback
+        tight = self._goal._replace(low=task.low + room, high=task.high - room)
+        motions = best_motions(self._physics, tight, starts, task.horizon, o.seed)
+        for local, x, u, gain in zip(locals_, *motions, strict=True):
+            local.laws = [Law(gain[k], u[k] - gain[k] @ x[k], np.diag(sd**2)) for k in range(task.horizon)]
+            z = np.concatenate([x[:-1], u], 1)
+            after, slope = map(np.asarray, self._expand(z))
+            local.models = [LinearStep(s, n - s @ at, np.diag(self._measured + 1e-8))
+                            for at, n, s in zip(z, after, slope, strict=True)]
+            local.planned, local.cost, local.tried = float(self._goal.of(x, u)), np.inf, False
 
     def _sample(self, c: int, local: Local, iteration: int, step: GuidedStep) -> None:
         o, task, share = self._o, self._task, 1 / (self._o.samples * len(self._conditions))
@@ -138,7 +153,7 @@ class Guided:
         # a step that cost more was too long: half of it; else half as long again, up to what is asked for
         worse = cost > local.cost * (1 + 1e-3)
         local.epsilon = max(o.epsilon / 16, local.epsilon / 2) if worse else min(o.epsilon, 1.5 * local.epsilon)
-        local.cost = cost
+        local.cost, local.tried = cost, True
         step.local_cost += cost * o.samples * share
 
     def _learn_physics(self, locals_: list[Local]) -> None:
@@ -149,12 +164,13 @@ class Guided:
         if len(rows) > MOST_ROWS:
             rows = rows[np.random.default_rng([self._o.seed, len(rows)]).choice(len(rows), MOST_ROWS, replace=False)]
         self._physics = self._refit(rows)
+        self._expand = jax.jit(jax.vmap(self._physics))
 
     def _fit(self, local: Local) -> list[LinearStep]:
         task, models = self._task, []
         data = [Data.of(local.transitions(k)) for k in range(task.horizon)]
         nz = task.nx + task.nu
-        after, slopes = map(np.asarray, self._physics(np.array([d.mean[:nz] for d in data])))
+        after, slopes = map(np.asarray, self._expand(np.array([d.mean[:nz] for d in data])))
         for d, next_state, slope in zip(data, after, slopes, strict=True):
             spread = np.diag(np.diag(d.covariance)[:nz] + 1e-6)
             prior = prior_of_model(d.mean[:nz], next_state, slope, spread, self._measured,
@@ -164,7 +180,7 @@ class Guided:
 
     def _policy_about(self, local: Local) -> list[Law]:
         """The network near the samples: the regression of its commands on their states, with a mixture over all periods
-        as its prior (Montgomery and Levine 2016, section 4.1). Its slope at a point, of a few samples' width, is none."""
+        as its prior (Montgomery and Levine 2016, section 4.1). Its slope at a point is no gain."""
         task = self._task
         rows = [np.hstack([x, self._student.raw(x)]) for x in map(local.measured, range(task.horizon))]
         mixture = fit_mixture(np.concatenate(rows), 2 * task.horizon // 5 + 1, 10, self._o.seed)
@@ -219,7 +235,7 @@ class Guided:
                 nx = self._task.nx
                 drawn = rng.multivariate_normal(way.mean[k][:nx], way.covariance[k][:nx, :nx], self._o.drawn,
                                                 check_valid="ignore", method="eigh")
-                rows = np.concatenate([local.measured(k), drawn])
+                rows = np.concatenate([local.measured(k), drawn]) if local.tried else drawn
                 x.append(rows)
                 wanted.append(rows @ law.slope.T + law.offset)
                 precision.append(np.tile(np.linalg.inv(law.noise), (len(rows), 1, 1)))
@@ -235,6 +251,7 @@ class Guided:
 def guided_search(task: Task, goal: Goal, conditions: list[Condition], noise_sd: Numbers, o: GuidedOptions,
                   after: Callable[[GuidedStep, int], None], result: GuidedResult, refit: Refit | None = None) -> None:
     """An iteration runs each condition a few times under its laws, fits a linear model to each period with the
-    physics' derivative as prior (at parameters that `refit` fits to all runs), finds laws of less cost within a divergence of the network, linearised by regression
+    physics' derivative as prior (at parameters that `refit` fits to all runs), finds laws of less
+    cost within a divergence of the network, linearised by regression
     where the samples are, and fits the network to all laws (Montgomery and Levine, NIPS 2016)."""
     Guided(task, goal, conditions, noise_sd, o, refit).run(after, result)

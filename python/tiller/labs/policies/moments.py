@@ -100,7 +100,8 @@ def with_sines(x: Normal, angles: Sequence[int]) -> Normal:
     phase = np.tile([0.0, QUARTER], len(angles))
     wave = _sines(Normal(x.mean[at], x.covariance[np.ix_(at, at)]), phase)
     across = x.covariance[:, at] @ wave.gain
-    return Normal(jnp.concatenate([x.mean, wave.mean]), jnp.block([[x.covariance, across], [across.T, wave.covariance]]))
+    return Normal(jnp.concatenate([x.mean, wave.mean]),
+                  jnp.block([[x.covariance, across], [across.T, wave.covariance]]))
 
 
 def squash(v: Array, low: Array, high: Array) -> Array:

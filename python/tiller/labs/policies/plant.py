@@ -68,8 +68,8 @@ class PlantTrials:
                 trial.command[k] = controller(trial.measured[k], k)
                 plant.step(trial.command[k])
         if not np.isfinite(trial.truth).all():
-            raise RobotFileError(f"{self._robot.path}: the plant's state is not finite, or it has not all states of the "
-                                 "model; a policy needs all: choose another [sim] plant")
+            raise RobotFileError(f"{self._robot.path}: the plant's state is not finite, or it has not all states of "
+                                 "the model; a policy needs all: choose another [sim] plant")
         return trial
 
 

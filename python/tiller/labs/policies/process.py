@@ -87,8 +87,8 @@ def fit_shape(x: Numbers, y: Numbers, o: ProcessOptions, seed: int, before: Shap
     for a in range(y.shape[1]):
         target = _filled(y[:, a], size)
         first = np.concatenate([before.log_length[a], [before.log_signal[a], before.log_noise[a]]])
-        found.append(minimise(lambda p, t=target: _fined(p, filled, t, used, log_spread, o.most_ratio),  # type: ignore[misc]
-                              first, o.evaluations, 1e-6, 1e-3)[0])
+        whole = partial(_fined, x=filled, y=target, used=used, log_spread=log_spread, most_ratio=o.most_ratio)
+        found.append(minimise(whole, first, o.evaluations, 1e-6, 1e-3)[0])
     p = np.array(found)
     return Shape(p[:, :-2], p[:, -2], p[:, -1])
 

@@ -5,8 +5,7 @@ import numpy as np
 
 from ... import _core
 from .guide import Goal
-from .guided import Condition, Refit, Slopes
-from .minimise import Numbers
+from .guided import Condition, Refit
 from .physics import Model
 from .plant import PlantTrials, measured_deviation
 from .task import Task
@@ -23,10 +22,7 @@ def refit_of(robot: _core.Robot, task: Task) -> Refit:
     """The robot file's model at parameters that fit transitions."""
     variance, model = measured_deviation(robot, task.period_s)**2, Model(robot, task.period_s)
 
-    def refit(rows: Numbers) -> Slopes:
-        params = model.fit(rows, variance)
-        return lambda z: model.expand(z, params)[:2]
-    return refit
+    return lambda rows: model.physics(model.fit(rows, variance))
 
 
 def conditions_of(robot: _core.Robot, task: Task, count: int, seed: int) -> list[Condition]:

@@ -22,10 +22,26 @@ class Student:
 
     def __init__(self, task: Task, hidden: list[int], seed: int) -> None:
         self._task, self._hidden = task, hidden
-        self._network = Perceptron([len(task.seen), *hidden, task.nu], jax.random.key(seed))
+        self._arrays, static = eqx.partition(Perceptron([len(task.seen), *hidden, task.nu], jax.random.key(seed)),
+                                             eqx.is_array)
         self._scale: tuple[Numbers, Numbers] | None = None
         self._middle, self._half = 0.5 * (task.low + task.high), 0.5 * (task.high - task.low)
-        self._answer = eqx.filter_jit(lambda network, z: jax.vmap(network)(z))
+        many = lambda arrays, z: jax.vmap(eqx.combine(arrays, static))(z)
+
+        def train(arrays: Any, x: Any, y: Any, precision: Any, steps: int) -> Any:
+            adam = optax.adam(optax.cosine_decay_schedule(RATE, steps, LAST_RATE))
+
+            def loss(arrays: Any) -> Any:
+                off = many(arrays, x) - y
+                return jnp.einsum("ni,nij,nj->n", off, precision, off).mean()
+
+            def step(carry: Any, _: None) -> Any:
+                arrays, state = carry
+                change, state = adam.update(jax.grad(loss)(arrays), state)
+                return (optax.apply_updates(arrays, change), state), None
+            return jax.lax.scan(step, (arrays, adam.init(arrays)), None, steps)[0][0]
+
+        self._answer, self._train = jax.jit(many), jax.jit(train, static_argnames="steps")
 
     def _seen(self, x: Numbers) -> Numbers:
         assert self._scale is not None
@@ -34,7 +50,8 @@ class Student:
 
     def raw(self, x: Numbers) -> Numbers:
         """Commands (n, nu) at states (n, nx), not cut."""
-        return self._middle + self._half * np.asarray(self._answer(self._network, self._seen(x)))  # type: ignore[no-any-return]
+        share: Numbers = np.asarray(self._answer(self._arrays, self._seen(x)))
+        return self._middle + self._half * share
 
     def command(self, x: Numbers, k: int = 0) -> Numbers:
         return np.clip(self.raw(x[None])[0], self._task.low, self._task.high)  # type: ignore[no-any-return]
@@ -48,32 +65,16 @@ class Student:
         size = np.trace(p, axis1=1, axis2=2)
         share = np.clip(size / np.median(size), 1 / CUT, CUT) / size
         y = (np.clip(wanted, self._task.low, self._task.high) - self._middle) / self._half
-        self._network = _train(self._network, *map(jnp.asarray, (self._seen(x), y, p * share[:, None, None])), steps)
+        self._arrays = self._train(self._arrays, self._seen(x), y, p * share[:, None, None], steps=steps)
 
     def network(self) -> dict[str, Any]:
         """As the policy file has it: scales are part of the weights."""
         assert self._scale is not None
         numbers: list[float] = []
-        for i, layer in enumerate(self._network.layers):
+        for i, layer in enumerate(self._arrays.layers):
             w, b = np.array(layer.weight, float), np.array(layer.bias, float)
             if i == 0:
                 w = w / self._scale[1]
                 b = b - w @ self._scale[0]
             numbers += np.column_stack([b, w]).ravel().tolist()
         return {"kind": "tanh", "hidden": (self._hidden + [0])[:2], "weights": numbers}
-
-
-@eqx.filter_jit
-def _train(network: Any, x: Any, y: Any, precision: Any, steps: int) -> Any:
-    arrays, static = eqx.partition(network, eqx.is_array)
-    adam = optax.adam(optax.cosine_decay_schedule(RATE, steps, LAST_RATE))
-
-    def loss(arrays: Any) -> Any:
-        off = jax.vmap(eqx.combine(arrays, static))(x) - y
-        return jnp.einsum("ni,nij,nj->n", off, precision, off).mean()
-
-    def step(carry: Any, _: None) -> Any:
-        arrays, state = carry
-        change, state = adam.update(jax.grad(loss)(arrays), state)
-        return (optax.apply_updates(arrays, change), state), None
-    return eqx.combine(jax.lax.scan(step, (arrays, adam.init(arrays)), None, steps)[0][0], static)
