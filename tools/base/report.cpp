@@ -57,9 +57,8 @@ bool lacks_packages(const ChildResult& child) {
 }  // namespace
 
 std::vector<std::string> python_command(const std::string& module, const std::vector<std::string>& arguments) {
-  std::vector<std::string> command = {
-      "env", "PYTHONPATH=" + python_path(), "PYTHONDONTWRITEBYTECODE=1", interpreter(),
-      "-m",  "tiller_tools." + module};
+  std::vector<std::string> command = {"env", "PYTHONPATH=" + python_path(), "PYTHONDONTWRITEBYTECODE=1", interpreter(),
+                                      "-m",  "tiller_tools." + module};
   command.insert(command.end(), arguments.begin(), arguments.end());
   return command;
 }

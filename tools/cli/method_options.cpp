@@ -43,7 +43,9 @@ std::string check_method(const std::string& name, const Words& known) {
 void add_abc_options(CLI::App& command, MethodOptions& how) {
   command.add_option("--epsilon", how.epsilon, "tolerance of abc (default: so that one in a hundred is kept)")
       ->check(number_between(1e-9, 1e9));
-  command.add_option("--accept", how.accept, "share that abc keeps where no --epsilon is given, and that sets mcmc_abc's tolerance (default 0.01)")
+  command
+      .add_option("--accept", how.accept,
+                  "share that abc keeps where no --epsilon is given, and that sets mcmc_abc's tolerance (default 0.01)")
       ->check(number_between(1e-6, 1));
 }
 

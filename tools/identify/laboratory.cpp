@@ -221,8 +221,8 @@ bool run_in_laboratory(const std::string& method, const MethodProblem& problem, 
   const std::vector<double> table = rollouts.table();
   Worker worker = take_worker(error);
   if (!worker) return false;
-  bool alive = send_block(*worker, text.data(), text.size()) &&
-               send_block(*worker, table.data(), table.size() * sizeof(double));
+  bool alive =
+      send_block(*worker, text.data(), text.size()) && send_block(*worker, table.data(), table.size() * sizeof(double));
   const bool good = Conversation(*worker, problem, rollouts).hold(result, error, alive);
   if (alive) give_back(std::move(worker));
   result.transitions = rollouts.known_rows();

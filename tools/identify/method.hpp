@@ -28,7 +28,7 @@ struct MethodOptions {
   double weight_l1 = std::numeric_limits<double>::quiet_NaN(), weight_l2 = weight_l1;
   /// Each channel over its RMS in the logs; without: trajectory_simopt and wasserstein do, simopt does not.
   std::optional<bool> scale;
-  std::function<void(double)> progress;                     ///< share done, 0..1; may be empty
+  std::function<void(double)> progress;  ///< share done, 0..1; may be empty
 };
 
 /// The input of a method of the laboratory. The configuration has passed tiller_config_check; its seed names all random
