@@ -144,8 +144,8 @@ def test_network_learns_and_the_runtime_answers_as_it_was_taught(tmp_path):
     assert worst < 0.25
 
 
-# Sixty episodes whose teacher leans to one side or the other, each under a belief of its own: by heart, the belief tells
-# the side. It tells nothing of new ones. There the jitter leaves .77 of the error (.24 of .31); .9 is asked.
+# Sixty episodes whose teacher leans to one side or the other, each under a belief of its own: by heart, the belief
+# tells the side. It tells nothing of new ones. There the jitter leaves .77 of the error (.24 of .31); .9 is asked.
 def test_few_beliefs_are_not_learnt_by_heart(monkeypatch):
     robot, rng = robot_of(HOLD), np.random.default_rng(4)
 

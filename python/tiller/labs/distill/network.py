@@ -134,7 +134,8 @@ def _train(network: Any, data: Any, rows: Any, kept: Any, seed: int, epochs: int
 
         (arrays, state), _ = jax.lax.scan(step, (arrays, state), (order, jax.random.split(key, batches)))
         # by what is learnt: the root mean square is least where two answers are mixed
-        return arrays, state, loss(eqx.combine(arrays, static), x[kept], y[kept], weight[kept]) if len(kept) else jnp.nan
+        now = eqx.combine(arrays, static)
+        return arrays, state, loss(now, x[kept], y[kept], weight[kept]) if len(kept) else jnp.nan
 
     rng, state = np.random.default_rng(seed), adam.init(arrays)
     best, least, at = arrays, np.inf, 0
