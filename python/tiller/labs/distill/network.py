@@ -78,6 +78,12 @@ class Student:
         _, self._network, errors = min(tries, key=lambda tried: tried[0])
         return errors
 
+    def rms(self, samples: Samples) -> float:
+        """Root mean square of the answers' errors, in shares of half the range."""
+        assert self._scale is not None
+        x = jnp.asarray((np.array(samples.read) - self._scale[0]) / self._scale[1], jnp.float32)
+        return float(_rms(self._network, x, jnp.asarray(np.array(samples.share), jnp.float32)))
+
     def document(self, reads: int) -> dict[str, Any]:
         """The policy file: scales are part of the weights, and the ranges of training stand beside them."""
         assert self._scale is not None
@@ -128,7 +134,8 @@ def _train(network: Any, data: Any, rows: Any, kept: Any, seed: int, epochs: int
 
         (arrays, state), _ = jax.lax.scan(step, (arrays, state), (order, jax.random.split(key, batches)))
         # by what is learnt: the root mean square is least where two answers are mixed
-        return arrays, state, loss(eqx.combine(arrays, static), x[kept], y[kept], weight[kept]) if len(kept) else jnp.nan
+        now = eqx.combine(arrays, static)
+        return arrays, state, loss(now, x[kept], y[kept], weight[kept]) if len(kept) else jnp.nan
 
     rng, state = np.random.default_rng(seed), adam.init(arrays)
     best, least, at = arrays, np.inf, 0
