@@ -25,9 +25,10 @@ def candidate_table(result: dict) -> str:
                      page.number(residual["ratio"], 2), f"{100 * residual['covered']:.0f} %", "",
                      "9"])
     for one in result["candidates"]:
-        held = one["held_out"]
+        held, spread = one["held_out"], one["spread_ratio"]
         body.append([one["name"].replace("_", " "), page.number(held["rms_sigma"], 3), page.number(one["ratio"], 2),
-                     f"{100 * held['covered']:.0f} %", f"{page.number(one['spread_ratio'], 2)} ×", str(one["weights"])])
+                     f"{100 * held['covered']:.0f} %", "" if spread is None else f"{page.number(spread, 2)} ×",
+                     str(one["weights"] or "")])
     return page.rows(["", "rollout error (sensor deviations)", "of the model alone", "central 90 % hold",
                       "spread beyond the data", "weights"], body)
 
@@ -53,6 +54,8 @@ def build(result: dict) -> str:
                         ("chosen", result["chosen"].replace("_", " ") or "nothing")]),
             "<h2>What it is worth where it was not trained</h2>", candidate_table(result)]
     for one in result["candidates"]:
+        if not one["seen"]:  # effects of the catalogue: equations, no members
+            continue
         figures = []
         for joint in result["joints"]:
             figures += [force_figure(one, joint, along) for along in (joint["position"], joint["velocity"]) if along]
