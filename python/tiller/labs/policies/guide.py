@@ -79,8 +79,8 @@ def _guesses(goal: Goal, horizon: int, seed: int) -> Numbers:
 def best_motions(physics: Physics, goal: Goal, starts: Numbers, horizon: int,
                  seed: int) -> tuple[Numbers, Numbers, Numbers]:
     """States (n, T + 1, nx), commands (n, T, nu) and gains (n, T, nu, nx) of the cheapest of GUESSES descents from each
-    start (n, nx). The gains are those without limits: `goal` may leave them room. Cost: ITERATIONS x GUESSES x LENGTHS x n rollouts at
-    most."""
+    start (n, nx). The gains are those without limits: `goal` may leave them room. Cost: ITERATIONS x GUESSES x LENGTHS
+    x n rollouts, twice, at most."""
     count, nu, nx = len(starts), len(goal.low), starts.shape[1]
     still = jnp.zeros((horizon, nu, nx))
 

@@ -18,6 +18,7 @@ from .student import Student
 from .task import Task
 
 ROOM = 0.8  # share of the limits' range that first motions use
+WORSE = 1.1  # times the best laws' cost: more than the chance of five runs
 LOST = 1.2  # times what a motion was to cost: the plant does not follow it
 MOST_ROWS = 400  # transitions that the model is fitted to
 
@@ -66,7 +67,15 @@ class Local:
         self.cost = self.planned = np.inf
         self.laws: list[Law] = []
         self.models: list[LinearStep] = []
+        self.best: tuple[float, list[Law], list[LinearStep]] = (np.inf, [], [])  # by what the plant did
         self.tried = False  # the trials are of laws near these
+
+    def goes_back(self) -> bool:
+        """To the best laws so far, where the plant does not do under these what the models promised."""
+        worse = self.cost > WORSE * self.best[0]
+        if worse:
+            (self.cost, self.laws, self.models), self.tried = self.best, False
+        return bool(worse)
 
     def transitions(self, k: int) -> Numbers:
         return np.array([np.concatenate([t.measured[k], t.command[k], t.measured[k + 1]]) for t in self.trials])
@@ -104,7 +113,7 @@ class Guided:
             if self._refit is not None:
                 self._learn_physics(locals_)
             early = 2 * i < self._o.iterations
-            lost = [local for local in locals_ if early and local.cost > LOST * local.planned]
+            lost = [local for local in locals_ if early and min(local.cost, local.best[0]) > LOST * local.planned]
             for local in locals_:
                 if not any(local is other for other in lost):
                     self._improve(local, step)
@@ -137,6 +146,7 @@ class Guided:
             after, slope = map(np.asarray, self._expand(z))
             local.models = [LinearStep(s, n - s @ at, np.diag(self._measured + 1e-8))
                             for at, n, s in zip(z, after, slope, strict=True)]
+            local.best = (np.inf, [], [])
             local.planned, local.cost, local.tried = float(self._goal.of(x, u)), np.inf, False
 
     def _sample(self, c: int, local: Local, iteration: int, step: GuidedStep) -> None:
@@ -210,7 +220,11 @@ class Guided:
     def _improve(self, local: Local, step: GuidedStep) -> None:
         """Laws of less cost near the network; where those would cost more than the laws before, near these; where
         none are found, these stay."""
+        if local.goes_back():
+            return
         task, local.models = self._task, self._fit(local)
+        if local.cost <= local.best[0]:
+            local.best = local.cost, local.laws, local.models
         start = local.start()
         # with what the quadratic costs leave out, so that a share of it means something
         whole = 0.5 * self._goal.target**2 @ (task.horizon * self._goal.state + self._goal.terminal)

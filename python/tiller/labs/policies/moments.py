@@ -43,6 +43,7 @@ class Bumps(NamedTuple):
 def bump_moments(b: Bumps, of: Normal) -> Moments:
     """Exact moments of the outputs (Deisenroth and Rasmussen 2011, equations 14 to 23). What the outputs' own noise
     adds is left out. Cost: O(outputs^2 n^2 inputs)."""
+    b, of = jax.tree.map(jnp.asarray, (b, of))
     s, zeta, identity = of.covariance, b.x - of.mean, jnp.eye(len(of.mean))
     square, inverse = jnp.exp(2 * b.log_length), jnp.exp(-2 * b.log_length)
 
