@@ -29,8 +29,8 @@ sys.meta_path[:] = [Without(finder) for finder in sys.meta_path]
 def without_jax(folder, *arguments, **environment):
     (folder / "sitecustomize.py").write_text(BLOCKER, encoding="utf-8")
     paths = os.pathsep.join((str(folder), os.environ["PYTHONPATH"]))
-    return subprocess.run([sys.executable, "-m", "tiller.labs", *arguments], capture_output=True, text=True, timeout=300,
-                          env=dict(os.environ, PYTHONPATH=paths, **environment))
+    return subprocess.run([sys.executable, "-m", "tiller.labs", *arguments], capture_output=True, text=True,
+                          timeout=300, env=dict(os.environ, PYTHONPATH=paths, **environment))
 
 
 def test_names_are_those_of_the_command():

@@ -11,8 +11,9 @@ import numpy as np
 
 from .density import Ensemble
 from .mixture import Mixture, fit_mixture
+from .options import Options
 from .problem import Array, InferenceError, Problem, Simulations
-from .result import Inferred, Options, effective, normalised, resampled
+from .result import Inferred, effective, normalised, resampled
 from .summary import Sequence, make_summary
 
 ANSWERS, FITTED = 4096, 512

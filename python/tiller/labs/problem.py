@@ -137,7 +137,7 @@ class Simulations:
         starts = p.start + p.noise_sd * rng.normal(size=(len(v), *p.start.shape))
         y, failures = p.simulate(p.to_params(v), starts, rng.integers(1, 2**32, len(v)))
         y = y + p.noise_sd * rng.normal(size=y.shape)
-        good = np.isfinite(y).all(axis=(1, 2))
+        good = np.asarray(np.isfinite(y).all(axis=(1, 2)))
         self.total += len(v)
         self.failed += int((~good).sum())
         if not good.all() and not self.first_failure:

@@ -189,6 +189,6 @@ class Pool:
             process.kill()
         self.workers.shutdown(wait=True, cancel_futures=True)
         while not self.idle.empty():
-            process = self.idle.get()
-            if process:
-                process.stop()
+            idle = self.idle.get()
+            if idle:
+                idle.stop()

@@ -4,6 +4,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from scipy.optimize import least_squares
 
 from ... import _core
@@ -24,7 +25,7 @@ class Eccentricity:
         return f"an encoder of {self.position} that reads {self.amplitude:.3g} too far once a turn"
 
 
-def _starts(ground: Ground, horizon: int) -> Array:
+def _starts(ground: Ground, horizon: int) -> npt.NDArray[np.int64]:
     """Periods that begin a rollout within one log: weight 0 marks where the smoother began anew."""
     weight, every = ground.forces.weight, max(1, round(EVERY_S / ground.document["period_s"]))
     whole = np.lib.stride_tricks.sliding_window_view(weight, horizon + 1).min(1) > 0

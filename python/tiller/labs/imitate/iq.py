@@ -126,7 +126,7 @@ class _Learner:
         q, weights = eqx.combine(carry[0], still), carry[1][0]
         average = jax.tree.map(lambda a, w: a + 0.02 * (w - a), s.average, weights)
         worth = [jax.vmap(lambda a, b: self.q(q, a, b))(x, u).mean() for x, u, _ in (self.shown, made)]
-        return _State(q, *carry[1:], average), worth[0] - worth[1]
+        return _State(q, carry[1], carry[2], carry[3], average), worth[0] - worth[1]
 
 
 def fit_iq(scene: Scene, motions: Sequence[Motion], options: IqOptions,

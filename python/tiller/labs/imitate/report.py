@@ -63,7 +63,8 @@ def _policy(problem: Problem, o: Options, result: Imitated) -> str:
     assert result.acting is not None
     gap = result.acting.gap
     tenth = max(1, len(gap) // 10)
-    text = (f"{problem.name}: {len(problem.demonstrations)} demonstrations; a policy by {NAMES[o.method]}, {len(gap)} iterations, "
+    text = (f"{problem.name}: {len(problem.demonstrations)} demonstrations; "
+            f"a policy by {NAMES[o.method]}, {len(gap)} iterations, "
             f"rollouts of {result.horizon} periods\nnetwork: {len(problem.seen)} inputs, {HIDDEN} x {HIDDEN}, "
             f"{len(weights_of(result.acting.policy))} weights\nwhat the critic (of IQ-Learn: Q) still tells apart: "
             f"{np.mean(gap[-tenth:]):.3g} (first tenth of the iterations: {np.mean(gap[:tenth]):.3g})\n"

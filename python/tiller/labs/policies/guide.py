@@ -64,7 +64,7 @@ def _policy(physics: Physics, goal: Goal, x: Array, u: Array) -> tuple[Array, Ar
         return (0.5 * (value + value.T), by), (gain, wish)
 
     end = jnp.diag(goal.terminal), goal.terminal * (x[-1] - goal.target)
-    return jax.lax.scan(back, end, (slopes, x[:-1], u), reverse=True)[1]  # type: ignore[no-any-return]
+    return jax.lax.scan(back, end, (slopes, x[:-1], u), reverse=True)[1]
 
 
 def _guesses(goal: Goal, horizon: int, seed: int) -> Numbers:

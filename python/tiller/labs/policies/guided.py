@@ -97,7 +97,8 @@ class Guided:
         assert task.physics is not None and conditions
         self._task, self._goal, self._conditions, self._o = task, goal, conditions, o
         self._measured = noise_sd**2
-        self._refit, self._rows = refit, []
+        self._refit = refit
+        self._rows: list[Any] = []
         self._physics, self._expand = task.physics, jax.jit(jax.vmap(task.physics))
         self._student, self._noise, self._taught = Student(task, o.hidden, o.seed), np.eye(task.nu), False
         self._costs = [self._quadratic(k == task.horizon) for k in range(task.horizon + 1)]

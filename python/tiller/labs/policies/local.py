@@ -27,7 +27,7 @@ class Prior(NamedTuple):
 
 class Data(NamedTuple):
     """Weighted first and second moments."""
-    count: float
+    total: float
     mean: Numbers
     covariance: Numbers  # about the mean
 
@@ -48,7 +48,7 @@ def fit_step(data: Data, prior: Prior | None, outputs: int, ridge: float = 0.0) 
     `ridge` is added to the diagonal of the inputs' covariance. Without a prior: least squares."""
     mean, covariance = data.mean, data.covariance
     if prior is not None:
-        n, m, away = data.count, prior.mean_strength, data.mean - prior.mean
+        n, m, away = data.total, prior.mean_strength, data.mean - prior.mean
         mean = (m * prior.mean + n * data.mean) / (m + n)
         covariance = (prior.strength * prior.covariance + n * data.covariance
                       + n * m / (n + m) * np.outer(away, away)) / (n + prior.strength)
@@ -56,7 +56,8 @@ def fit_step(data: Data, prior: Prior | None, outputs: int, ridge: float = 0.0) 
     given = covariance[:inputs, :inputs] + ridge * np.eye(inputs)
     slope = np.linalg.lstsq(given, covariance[:inputs, inputs:], rcond=None)[0].T
     noise = covariance[inputs:, inputs:] - slope @ covariance[:inputs, inputs:]
-    return LinearStep(slope, mean[inputs:] - slope @ mean[:inputs], 0.5 * (noise + noise.T) + 1e-10 * np.eye(outputs))
+    offset = mean[inputs:] - slope @ mean[:inputs]
+    return LinearStep(np.asarray(slope, float), offset, 0.5 * (noise + noise.T) + 1e-10 * np.eye(outputs))
 
 
 def prior_of_model(at: Numbers, after: Numbers, slope: Numbers, spread: Numbers, measured: Numbers, process: Numbers,
@@ -93,7 +94,7 @@ def _memberships(mixture: Mixture, samples: Numbers) -> Numbers:
         z = np.linalg.solve(root, (samples - mean).T)
         logs.append(np.log(share) - np.log(np.diag(root)).sum() - 0.5 * (z**2).sum(0))
     table = np.array(logs).T
-    return np.exp(table - logsumexp(table, 1, keepdims=True))  # type: ignore[no-any-return]
+    return np.exp(table - logsumexp(table, 1, keepdims=True))
 
 
 def fit_mixture(samples: Numbers, components: int, steps: int, seed: int) -> Mixture:

@@ -33,7 +33,7 @@ def at_period(robot: _core.Robot, period_s: float) -> _core.Robot:
     """The robot whose control period is the policy's, with finer steps in it."""
     with open(robot.path, encoding="utf-8") as file:
         text = _without_delay(file.read())
-    substeps = int(tomlkit.parse(text)["model"].get("substeps", 1))  # type: ignore[union-attr]
+    substeps = int(tomlkit.parse(text)["model"].get("substeps", 1))
     finer = min(MOST_SUBSTEPS, substeps * max(1, math.ceil(period_s / robot.period_s - 1e-9)))
     return _core.Robot.from_text(with_words(text, {"model": {"period_s": period_s, "substeps": finer}}), robot.path)
 

@@ -60,7 +60,8 @@ class PlantTrials:
         rng = np.random.default_rng([*self._seed, index])
         nx, nu = len(self._start), len(self._robot.inputs)
         plant = self._plant(self._start + self._spread @ rng.standard_normal(nx), int(rng.integers(1, 1 << 40)))
-        trial = Trial(*(np.empty((self._horizon + 1, nx)) for _ in range(2)), np.empty((self._horizon, nu)))
+        rows = self._horizon + 1
+        trial = Trial(np.empty((rows, nx)), np.empty((rows, nx)), np.empty((self._horizon, nu)))
         for k in range(self._horizon + 1):
             trial.truth[k] = plant.true_state
             trial.measured[k] = trial.truth[k] + self._noise_sd * rng.standard_normal(nx)

@@ -40,7 +40,7 @@ def reps_weights(cost: Numbers, epsilon: float) -> Numbers:
     log_scale = np.log(scale)
     eta = np.exp(minimize_scalar(dual, bounds=(log_scale - 12, log_scale + 7), method="bounded").x)
     w = np.exp(-off / eta)
-    return w / w.sum()  # type: ignore[no-any-return]
+    return w / w.sum()
 
 
 def sampled_cost(task: Task, process: Bumps, policy: Feedback, key: Array) -> Array:
@@ -88,6 +88,6 @@ def reps_search(task: Task, run: Try, o: SearchOptions, how: RepsOptions,
             # deviations about the mean before: else steps that pay shrink the search along themselves
             sd = np.maximum(1e-3, np.sqrt(w @ (drawn - mean)**2))
             mean = w @ drawn
-        return unravel(best)  # type: ignore[no-any-return]
+        return unravel(best)
 
     search_policy(task, run, o, improve, after, result)

@@ -89,8 +89,8 @@ def on_plant(task: Task, run: RunTrial, seed: int) -> Try:
 
 def search_policy(task: Task, run: Try, o: SearchOptions, improve: Improve,
                   after: Callable[[SearchStep, int], None], result: SearchResult) -> None:
-    """Trials before there is a policy; then, over and over, a Gaussian process, a better policy, and a trial of it. Fills
-    `result` as it goes, so that what an interrupt leaves is whole."""
+    """Trials before there is a policy; then, over and over, a Gaussian process, a better policy, and a trial of it.
+    Fills `result` as it goes, so that what an interrupt leaves is whole."""
     seen: list[tuple[Numbers, Numbers]] = []
     shape: Shape | None = None
     predict = jax.jit(lambda process, policy: forecast(task, process, policy))

@@ -46,7 +46,7 @@ class Student:
     def _seen(self, x: Numbers) -> Numbers:
         assert self._scale is not None
         f = np.asarray(features(self._task.angles, x))[..., self._task.seen]
-        return (f - self._scale[0]) / self._scale[1]  # type: ignore[no-any-return]
+        return (f - self._scale[0]) / self._scale[1]
 
     def raw(self, x: Numbers) -> Numbers:
         """Commands (n, nu) at states (n, nx), not cut."""
@@ -54,7 +54,7 @@ class Student:
         return self._middle + self._half * share
 
     def command(self, x: Numbers, k: int = 0) -> Numbers:
-        return np.clip(self.raw(x[None])[0], self._task.low, self._task.high)  # type: ignore[no-any-return]
+        return np.clip(self.raw(x[None])[0], self._task.low, self._task.high)
 
     def fit(self, x: Numbers, wanted: Numbers, precision: Numbers, steps: int) -> None:
         """Adam from the present weights on, on all samples: (n, nx) states, (n, nu) commands, (n, nu, nu)."""
