@@ -30,7 +30,7 @@ from pathlib import Path
 import numpy as np
 
 from tiller import _core
-from tiller.labs.policies.adaptive import AdaptiveLqr, AdaptiveOptions
+from tiller.labs.policies.adaptive import AdaptiveLqr, AdaptiveOptions, offset_deviation
 from tiller.labs.policies.guided import GuidedOptions, GuidedResult, guided_search
 from tiller.labs.policies.local import Data, fit_mixture, fit_step, prior_of_mixture, prior_of_model
 from tiller.labs.policies.physics import Model
@@ -141,18 +141,12 @@ def break_cost(name, seed, adapt):
     run = PlantTrials(robot, FAST_S, TICKS, measured_deviation(robot, 0.1), target, 1e-4 * np.eye(len(target)), seed,
                       plant_seed=seed)
     physics = Model(robot, FAST_S).physics()
-    # a constant change of a period: what the whole range of the commands makes
-    slope = np.asarray(physics(np.concatenate([target, np.zeros(len(low))]))[1])[:, len(target):]
     controller = AdaptiveLqr(physics, AdaptiveOptions(target, low, high, weight, 0.01 / high**2,
                                                       measured_deviation(robot, 0.1),
-                                                      0.1 * np.abs(slope) @ (high - low) + 1e-6, adapt=adapt))
-    before = []
+                                                      offset_deviation(physics, target, low, high), adapt=adapt))
 
     def loop(x, k):
-        if before:
-            controller.learn(*before[-1], x)
-        before.append((x.copy(), controller.command(x)))
-        u = before[-1][1]
+        u = controller(x, k)
         return u if k < TICKS // 2 else np.clip(gain * u + share * high, low, high)
 
     off = run(loop, 0).truth[TICKS // 2:] - target

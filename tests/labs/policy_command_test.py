@@ -2,6 +2,7 @@
 is wrong is told."""
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -140,3 +141,12 @@ def test_the_slopes_own_derivative_is_that_of_differences():
     for i in range(3):
         h = np.eye(3)[i] * 1e-5
         assert found[i] == pytest.approx((float(whole(z + h)) - float(whole(z - h))) / 2e-5, rel=1e-4, abs=1e-6)
+
+
+def test_an_adaptive_lqr_is_compared_with_the_model_alone(tmp_path, capsys):
+    """The servo's plant was fitted to measurements; its model was not."""
+    out = tmp_path / "none.json"
+    assert main(["policy", str(ROBOTS / "xl330.toml"), "--method", "adaptive_lqr", "--period", "0.02", "--seconds", "2",
+                 "--trials", "1", "-o", str(out)]) == 0
+    alone, learnt = map(float, re.findall(r"median of 1: (\S+) and (\S+)", capsys.readouterr().out)[0])
+    assert 0 < learnt < alone and not out.exists()

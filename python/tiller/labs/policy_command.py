@@ -17,7 +17,9 @@ if TYPE_CHECKING:
     from .policies.task import Task
 
 METHODS = {"pilco": "gradients of the expected cost on a Gaussian process", "reps": "samples on the same process",
-           "guided": "local laws that teach a network, priors from the file's model"}
+           "guided": "local laws that teach a network, priors from the file's model",
+           "adaptive_lqr": "no policy, but a comparison: an LQR on the file's model beside one on the model fitted anew "
+           "in each period"}
 EPILOG = """
 Trials run the plant of [sim] from [start]; every state is measured with the sensors' noise. The task is [cost]'s
 target and state weights within [limits] (docs/guide/policy.md).
@@ -87,10 +89,10 @@ def _read(a: argparse.Namespace) -> _core.Robot:
     for option in ("arm", "lockstep", "reset"):
         if getattr(a, option) and not a.on_robot:
             raise Error(f"--{option}: is of trials on the robot; add --on-robot")
-    if a.on_robot and a.method == "guided":
-        raise Error("--method guided: linear laws are no policy that `tiller run` steers by; take pilco or reps")
-    if a.method == "guided" and facts["costs_outputs"]:
-        raise RobotFileError(f"{a.robot}: cost.outputs: guided knows costs of states alone; take them out of a copy of "
+    if a.on_robot and a.method not in ("pilco", "reps"):
+        raise Error(f"--method {a.method}: makes no policy that `tiller run` could try; take pilco or reps")
+    if a.method in ("guided", "adaptive_lqr") and facts["costs_outputs"]:
+        raise RobotFileError(f"{a.robot}: cost.outputs: {a.method} knows costs of states alone; take them out of a copy of "
                              "the file, with state_weight in their place")
     a.out = a.out or Path(robot.path).with_name(Path(robot.path).stem + "_policy.json")
     why = can_write(a.out)
@@ -194,12 +196,36 @@ def _guide(a: argparse.Namespace, robot: _core.Robot, task: Task) -> int:
     return code
 
 
+def _adapt(a: argparse.Namespace, robot: _core.Robot, task: Task) -> int:
+    import numpy as np
+
+    from .policies.adaptive import AdaptiveLqr, AdaptiveOptions, offset_deviation
+    from .policies.plant import PlantTrials, measured_deviation
+    from .policies.starts import goal_of
+
+    assert task.physics is not None
+    goal, noise = goal_of(robot, task), measured_deviation(robot, a.period)
+    run = PlantTrials(robot, a.period, task.horizon, noise, task.start_mean, task.start_covariance, a.seed)
+    offset, costs = offset_deviation(task.physics, goal.target, task.low, task.high), []
+    options = [AdaptiveOptions(goal.target, task.low, task.high, goal.state, goal.control, noise, offset, adapt=adapt)
+               for adapt in (False, True)]
+    for i in range(a.trials):
+        trials = [run(AdaptiveLqr(task.physics, o), i) for o in options]
+        costs.append([((t.truth - goal.target)**2 @ goal.state).sum() + (t.command**2 @ goal.control).sum()
+                      for t in trials])
+        print(f"trial {i + 1}: cost {costs[-1][0]:.4g} by the model alone, {costs[-1][1]:.4g} by what it learns",
+              flush=True)
+    alone, learnt = np.median(costs, 0)
+    print(f"median of {a.trials}: {alone:.4g} and {learnt:.4g}")
+    return 0
+
+
 def run(a: argparse.Namespace) -> int:
     robot = _read(a)
     from .policies.physics import Model
     from .policies.task import make_task
 
-    guided = a.method == "guided"
-    physics = Model(robot, a.period).physics() if a.physics or guided else None
+    by_model = {"guided": _guide, "adaptive_lqr": _adapt}
+    physics = Model(robot, a.period).physics() if a.physics or a.method in by_model else None
     task = make_task(robot, a.period, a.seconds, a.width, physics=physics)
-    return _guide(a, robot, task) if guided else _search(a, robot, task)
+    return by_model.get(a.method, _search)(a, robot, task)

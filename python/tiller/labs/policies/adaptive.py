@@ -26,6 +26,13 @@ class AdaptiveOptions:
     adapt: bool = True  # False: the model alone
 
 
+def offset_deviation(physics: Physics, target: Numbers, low: Numbers, high: Numbers) -> Numbers:
+    """(nx) A constant change a period: a tenth of what the whole range of the commands makes at the target."""
+    at = np.concatenate([target, np.clip(np.zeros(len(low)), low, high)])
+    slope = np.asarray(physics(at)[1])[:, len(target):]
+    return 0.1 * np.abs(slope) @ (high - low) + 1e-6
+
+
 class AdaptiveLqr:
     """Model predictive control after Fu, Levine and Abbeel, IROS 2016. What the model leaves of the last transitions is
     regressed on [x; u] and a constant. In the source's form, a covariance with a prior, noise that is measured passes
@@ -37,6 +44,14 @@ class AdaptiveLqr:
         self._physics, self.o = jax.jit(physics), o
         self._rows: list[tuple[Numbers, Numbers, Numbers]] = []  # z, what the model leaves, slope
         self._last = np.clip(np.zeros(len(o.low)), o.low, o.high)
+        self._before: tuple[Numbers, Numbers] | None = None
+
+    def __call__(self, x: Numbers, _: int) -> Numbers:
+        """The command of a period, after what the period before has taught."""
+        if self._before is not None:
+            self.learn(*self._before, x)
+        self._before = x.copy(), self.command(x)
+        return self._before[1]
 
     def learn(self, x: Numbers, u: Numbers, after: Numbers) -> None:
         z = np.concatenate([x, u])
