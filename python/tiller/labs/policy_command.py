@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 METHODS = {"pilco": "gradients of the expected cost on a Gaussian process", "reps": "samples on the same process",
            "guided": "local laws that teach a network, priors from the file's model",
-           "adaptive_lqr": "no policy, but a comparison: an LQR on the file's model beside one on the model fitted anew "
-           "in each period"}
+           "adaptive_lqr": "no policy, but a comparison: an LQR on the file's model beside one whose model is fitted "
+           "anew in each period"}
 EPILOG = """
 Trials run the plant of [sim] from [start]; every state is measured with the sensors' noise. The task is [cost]'s
 target and state weights within [limits] (docs/guide/policy.md).
@@ -92,8 +92,8 @@ def _read(a: argparse.Namespace) -> _core.Robot:
     if a.on_robot and a.method not in ("pilco", "reps"):
         raise Error(f"--method {a.method}: makes no policy that `tiller run` could try; take pilco or reps")
     if a.method in ("guided", "adaptive_lqr") and facts["costs_outputs"]:
-        raise RobotFileError(f"{a.robot}: cost.outputs: {a.method} knows costs of states alone; take them out of a copy of "
-                             "the file, with state_weight in their place")
+        raise RobotFileError(f"{a.robot}: cost.outputs: {a.method} knows costs of states alone; take them out of a copy "
+                             "of the file, with state_weight in their place")
     a.out = a.out or Path(robot.path).with_name(Path(robot.path).stem + "_policy.json")
     why = can_write(a.out)
     if why:
