@@ -67,8 +67,10 @@ int write_infer_data(InferArguments& a) {
 void add_infer_data(CLI::App& data, int& exit_code) {
   auto* command = data.add_subcommand("infer", "names, priors, sensors' noise, and the logs cut to pieces");
   auto a = std::make_shared<InferArguments>();
-  command->add_option("FILES", a->files, "simulator file (.toml: command, priors, sensors), then the logs: CSV, ROS "
-                                         "bags, ULog, as `tiller identify` takes them")
+  command
+      ->add_option("FILES", a->files,
+                   "simulator file (.toml: command, priors, sensors), then the logs: CSV, ROS "
+                   "bags, ULog, as `tiller identify` takes them")
       ->required();
   command->add_option("-o,--out", a->out, "file to write")->required();
   auto* box = command->add_option("--command", a->command,

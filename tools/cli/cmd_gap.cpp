@@ -129,8 +129,8 @@ std::vector<std::uint32_t> residual_joints(const gap::Result& result) {
   return joints;
 }
 
-/// Where the laboratory `learn` is installed and its forces beat the nine weights of a residual on logs that neither has
-/// seen, its robot file takes the place of `text`, with the network beside it. Where it is not, that is said.
+/// Where the laboratory `learn` is installed and its forces beat the nine weights of a residual on logs that neither
+/// has seen, its robot file takes the place of `text`, with the network beside it. Where it is not, that is said.
 bool add_learnt(const GapOptions& options, const RobotFile& robot, std::string& text) {
   std::string error;
   if (!run_python_tool("laboratory", {"--check"}, error)) {

@@ -153,7 +153,7 @@ json demonstration_json(const RobotFile& robot, const Demonstration& d) {
   json measured = json::object();
   for (std::size_t i = 0; i < robot.states.size(); ++i)
     if (!d.grid.state[i].empty()) measured[robot.states[i]] = numbers(d.grid.state[i]);
-  return {{"path", d.grid.path},   {"first_time_s", number(d.grid.first_time_s)},
+  return {{"path", d.grid.path},        {"first_time_s", number(d.grid.first_time_s)},
           {"misfit", number(d.misfit)}, {"measured", measured},
           {"states", rows_of(d.state)}, {"inputs", rows_of(d.input)}};
 }
@@ -184,14 +184,14 @@ json robot_json(const RobotFile& robot) {
           {"most_change", numbers(change)},
           {"input_rate_weight", first(config.cost.input_rate_weight, nu)},
           {"timed", config.cost.reference_steps > 0 || config.cost.demonstration_steps > 0 ||
-                    config.cost.output_reference_steps > 0},
+                        config.cost.output_reference_steps > 0},
           {"policy_inputs", policy_inputs(robot, tiller_policy_state)}};
 }
 
 }  // namespace
 
-bool read_demonstrations(const RobotFile& robot, const Words& paths, std::size_t least,
-                         std::vector<Demonstration>& all, Words& warnings, std::string& error) {
+bool read_demonstrations(const RobotFile& robot, const Words& paths, std::size_t least, std::vector<Demonstration>& all,
+                         Words& warnings, std::string& error) {
   const auto fail = [&](const std::string& problem) { error += (error.empty() ? "" : "\n") + problem; };
   for (const std::string& path : paths) {
     Log log;

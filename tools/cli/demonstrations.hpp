@@ -20,8 +20,8 @@ struct Demonstration {
 /// priors; of the process noise the part of the robot file's (1 to 0.01) is taken that explains the log best. False
 /// with every reason in `error`: what a log lacks, one without a stretch of more than `least` periods, one without an
 /// input that changes, one that the model does not explain. What is odd goes to `warnings`.
-bool read_demonstrations(const RobotFile& robot, const Words& paths, std::size_t least,
-                         std::vector<Demonstration>& all, Words& warnings, std::string& error);
+bool read_demonstrations(const RobotFile& robot, const Words& paths, std::size_t least, std::vector<Demonstration>& all,
+                         Words& warnings, std::string& error);
 
 /// What `tiller imitate` learns from, as JSON for the laboratory (python/tiller/labs/imitate). False with a sentence in
 /// `error` for robots that it does not take too: quaternions, effects with states, delays, the LQR cost-to-go.

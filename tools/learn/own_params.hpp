@@ -5,7 +5,8 @@
 #include "tools/learn/held_out.hpp"
 #include "tools/robot/robot_file.hpp"
 
-// The robot's own parameters, fitted beside nine local weights: what forces stand on is unbiased by what the model lacks.
+// The robot's own parameters, fitted beside nine local weights: what forces stand on is unbiased by what the model
+// lacks.
 
 namespace tiller::tools::learn {
 

@@ -84,8 +84,8 @@ bool learn(const std::string& data, std::uint32_t simulations, std::uint32_t rou
   if (read_posterior(folder.of("out/posterior.json"), out.posterior, errors) &&
       take_result(folder.of("out/infer.json"), out))
     return true;
-  error = "the laboratory's result cannot be read; are tiller and its Python package of one version? " +
-          join(errors, "; ");
+  error =
+      "the laboratory's result cannot be read; are tiller and its Python package of one version? " + join(errors, "; ");
   return false;
 }
 

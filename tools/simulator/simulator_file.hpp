@@ -16,8 +16,8 @@ struct SimulatorNames {
 
 /// How simulators are run, by the laboratory (python/tiller/labs/simulator.py).
 struct SimulatorSetup {
-  Words command;            ///< argv, without a shell
-  std::string folder;       ///< that it runs in; empty: this process's
+  Words command;       ///< argv, without a shell
+  std::string folder;  ///< that it runs in; empty: this process's
   SimulatorNames names;
   double timeout_s = 10.0;  ///< of one answer, > 0
   double start_s = 60.0;    ///< until the greeting, > 0
