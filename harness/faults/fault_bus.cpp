@@ -167,7 +167,7 @@ void BusPlant::inject(DriveTrouble trouble) {
     axis_->break_down();
   }
   const double none = 0.0;
-  device_.plant().apply(&none);  // the drive lets go by itself, whatever its board thinks of the plan
+  device_.plant().apply(&none);  // the drive releases its motor by itself, whatever its board thinks of the plan
 }
 
 void BusPlant::watch() {

@@ -190,7 +190,7 @@ void wires(std::vector<Fault>& list) {
     w.transport = tiller_status_transport_closed;
     w.cut = true;
   };
-  list.push_back(bus("cable_cut", "nothing passes, and nobody says so", End::kStops, Timeout::kSensor,
+  list.push_back(bus("cable_cut", "nothing passes, and no error is reported", End::kStops, Timeout::kSensor,
                      "`sensor_stale`, SAFE; the device's watchdog"));
   list.back().step = [](World& w) { w.cut = true; };
   list.push_back(bus("send_queue_full", "ENOBUFS: no frame can be sent", End::kStops, Timeout::kWatchdog,

@@ -70,14 +70,14 @@ void troubles(std::vector<Fault>& list) {
        });
   both(list, {"drive_watchdog_moteus", "drive_watchdog_mit"}, "moteus: commands are lost until its watchdog expires",
        "MIT (Damiao): commands are lost until its watchdog expires", End::kStops, Timeout::kWatchdog,
-       "the drive lets go and latches it: `actuator_fault`, SAFE", [](Fault& f) {
+       "the drive releases its motor and latches: `actuator_fault`, SAFE", [](Fault& f) {
          f.commands = [](World& w, std::vector<CanFrame>& frames) {
            if (w.ticks < 8) frames.clear();
          };
        });
   both(list, {"drive_restarts_moteus", "drive_restarts_mit"}, "moteus: its supply breaks down for a moment",
        "MIT (Damiao): its supply breaks down for a moment", End::kBounded, Timeout::kSensor,
-       "moteus: every command brings the mode, it goes on; Damiao tells that it is off: SAFE", [](Fault& f) {
+       "moteus: every command has the mode, it continues; Damiao reports that it is off: SAFE", [](Fault& f) {
          f.step = [](World& w) {
            if (w.ticks == 0) w.drive = DriveTrouble::kRestarts;
          };
@@ -156,7 +156,7 @@ void answers_wrong(std::vector<Fault>& list) {
 }
 
 void positions_missing(std::vector<Fault>& list) {
-  list.push_back({"encoder_nan_moteus", kGroup, "moteus: the position that it measures is not told (NaN)", Route::kBus,
+  list.push_back({"encoder_nan_moteus", kGroup, "moteus: the position that it measures is NaN", Route::kBus,
                   End::kStops, Timeout::kSensor, "no measurement is complete: `sensor_stale`, SAFE"});
   list.back().prepare = [](Setup& s) {
     with_moteus(s);
@@ -205,7 +205,7 @@ void commands(std::vector<Fault>& list) {
 // Those tell neither faults nor whether they are enabled.
 void plain(std::vector<Fault>& list) {
   list.push_back({"drive_watchdog_mit_plain", kGroup, "MIT (plain): commands are lost for 0.3 s", Route::kBus,
-                  End::kStops, Timeout::kWatchdog, "the drive lets go; it counts as silent: `actuator_fault`, SAFE"});
+                  End::kStops, Timeout::kWatchdog, "the motor is free; it counts as silent: `actuator_fault`, SAFE"});
   list.back().prepare = with_plain_mit;
   list.back().commands = [](World& w, std::vector<CanFrame>& frames) {
     if (w.ticks < 15) frames.clear();
@@ -216,7 +216,7 @@ void plain(std::vector<Fault>& list) {
   list.back().frames = [](World&, std::vector<CanFrame>& frames) { drop(frames, from_drive); };
   list.push_back({"drive_restarts_mit_plain", kGroup, "MIT (plain): its supply breaks down for a moment", Route::kBus,
                   End::kBounded, Timeout::kSensor,
-                  "without force from then on; nothing tells it but the motion (`model_inadequate`)"});
+                  "without force from then on; only the motion shows it (`model_inadequate`)"});
   list.back().prepare = with_plain_mit;
   list.back().step = [](World& w) {
     if (w.ticks == 0) w.drive = DriveTrouble::kRestarts;

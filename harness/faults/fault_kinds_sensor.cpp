@@ -144,7 +144,7 @@ void arrival(std::vector<Fault>& list) {
     return true;
   };
   list.push_back({"late", group, "every measurement comes three ticks late", Route::kMemory, End::kBounded,
-                  Timeout::kSensor, "taken for what it is: an old state"});
+                  Timeout::kSensor, "counts as an old state"});
   list.back().measure = [](World& w, tiller_measurement_t& m) {
     m = w.past[w.past.size() - 4];
     return true;

@@ -19,7 +19,7 @@ const std::vector<Refusal>& all_refusals() {
       {"rate_nan", "a rate limit that is NaN", [](tiller::Config& c) { c.safety.input_rate_per_s[0] = std::nan(""); }},
       {"safe_outside", "a safe command outside the limits",
        [](tiller::Config& c) { c.safety.safe_command[0] = 2.0 * c.safety.input_high[0]; }},
-      {"no_prior", "a parameter that nobody has said anything about",
+      {"no_prior", "a parameter without a prior",
        [](tiller::Config& c) { c.priors[0] = {tiller_prior_fixed, 0, std::nan(""), 0.0, -INFINITY, INFINITY}; }},
       {"no_timeout", "no timeout of the sensors", [](tiller::Config& c) { c.safety.sensor_timeout_s = 0.0; }},
       {"other_model", "parameters of another model", [](tiller::Config& c) { c.param_count += 1; }},

@@ -69,7 +69,7 @@ void order(std::vector<Fault>& list) {
   list.back().noticed = readings_suffered;
 
   list.push_back(on_cable("late_readings", "netem delays the plant's frames by three periods", End::kBounded,
-                          Timeout::kSensor, "taken for what they are: an old state"));
+                          Timeout::kSensor, "count as old states"));
   list.back().step = [](World& w) {
     if (!first(w)) return;
     link().pace(true);
