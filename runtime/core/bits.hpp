@@ -14,4 +14,8 @@ constexpr std::uint32_t bit_count(std::uint64_t set) {
   return count;
 }
 
+constexpr std::uint32_t round_up(std::uint32_t value, std::uint32_t multiple) {
+  return (value + multiple - 1) / multiple * multiple;
+}
+
 }  // namespace tiller

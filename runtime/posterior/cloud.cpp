@@ -198,4 +198,24 @@ double Cloud::quantile(std::uint32_t param, double q) const {
   return row[order[n - 1]];
 }
 
+void Cloud::fit_law(NormalLaw& law) const {
+  double covariance[kMaxCoordinates * kMaxCoordinates] = {};
+  for (std::uint32_t j = 0; j < d; ++j) {
+    law.mean[j] = 0.0;
+    for (std::uint32_t i = 0; i < n; ++i) law.mean[j] += weight[i] * coordinate[j * n + i];
+  }
+  for (std::uint32_t r = 0; r < d; ++r)
+    for (std::uint32_t c = 0; c <= r; ++c)
+      for (std::uint32_t i = 0; i < n; ++i)
+        covariance[r * d + c] +=
+            weight[i] * (coordinate[r * n + i] - law.mean[r]) * (coordinate[c * n + i] - law.mean[c]);
+  for (std::uint32_t r = 0; r < d; ++r)
+    for (std::uint32_t c = 0; c <= r; ++c) {
+      double rest = covariance[r * d + c];
+      for (std::uint32_t k = 0; k < c; ++k) rest -= law.root[r * d + k] * law.root[c * d + k];
+      const double least = 1e-7 * prior.spread(r);
+      law.root[r * d + c] = r == c ? std::sqrt(std::fmax(rest, least * least)) : rest / law.root[c * d + c];
+    }
+}
+
 }  // namespace tiller

@@ -68,6 +68,7 @@ struct Cloud {
   void moments(const double* rows, double* mean, double* sd) const;
   void covariance(const double* rows, double* covariance) const;
   double quantile(std::uint32_t param, double share) const;  // NaN for one that does not exist
+  void fit_law(NormalLaw& law) const;                        // the normal law of the coordinates
 
   /// Rows of N to copy from, rows of `count` to copy to (null: none).
   struct Drawn {

@@ -377,12 +377,9 @@ void DisturbanceStates::contact_law(double* law, std::uint32_t stride) const {
   law[turn_row() * stride] = 0.0;
 }
 
-void DisturbanceStates::prior_variance(const double* law, std::uint32_t stride, double after_s,
-                                       double* variance) const {
-  for (std::uint32_t f = 0; f < states_; ++f) {
-    const double size = law[source_of(f) * stride];
-    variance[f] = f < states_ - drifts_ ? size * sd_[f] * sd_[f] : size * after_s;
-  }
+void DisturbanceStates::prior_variance(const double* law, std::uint32_t stride, double* variance) const {
+  for (std::uint32_t f = 0; f < states_; ++f)
+    variance[f] = f < states_ - drifts_ ? law[source_of(f) * stride] * sd_[f] * sd_[f] : 0.0;
 }
 
 double DisturbanceStates::friction_variance(std::uint32_t state, double law, double after_s) const {

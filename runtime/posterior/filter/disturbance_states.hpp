@@ -93,9 +93,8 @@ class DisturbanceStates {
   /// += what wandering and drifting within the period adds to a predicted covariance (triangle of nx + states, rows of
   /// `lanes`), after step(). Cost: O(sources nx^2).
   void add_process(const Lanes16& job, double* covariance) const;
-  /// Variances (states) of a filter that begins `after_s` after its parameters were what the particle says, in the lane
-  /// whose law stands at `law`.
-  void prior_variance(const double* law, std::uint32_t stride, double after_s, double* variance) const;
+  /// Variances (states) of a filter that begins, in the lane whose law stands at `law`: nothing has drifted yet.
+  void prior_variance(const double* law, std::uint32_t stride, double* variance) const;
 
   /// Variance that a viscous or dry force has after a time, before any data: of where it began, and of its walk.
   double friction_variance(std::uint32_t state, double law, double after_s) const;

@@ -1,4 +1,4 @@
-// The part of the tick that filters: predict, gate, correct.
+// The tick: predict, correct, reweight, move, retire.
 
 #include "posterior/filter/filter_posterior.hpp"
 
@@ -13,66 +13,60 @@ namespace tiller {
 
 namespace {
 
-/// Deviations beyond which a measurement counts as an outlier if no particle can explain it. A normal innovation
-/// never gets there; what does is a glitch of the sensor.
-constexpr double kGate = 8.0;
-/// Outliers in a row after which a measurement is believed after all: then the world has changed, not the sensor.
-constexpr std::uint32_t kGateRun = 5;
+constexpr std::uint32_t kRows = FilterParticles::kRows, kLanes = FilterChunk::kLanes;
+/// Number of values that the earlier knowledge of the noise is worth once the robot has changed.
+constexpr double kNoiseWorth = 20.0;
 
 }  // namespace
 
 void FilterPosterior::reset() {
-  cloud_.prior.believe_before(nullptr);
-  cloud_.draw_prior();
-  const std::size_t all = std::size_t{rows_} * n_;
-  std::memset(carried_.sums, 0, sizeof(double) * all);
-  std::memset(carried_.base, 0, sizeof(double) * all);
-  std::memset(carried_.log_likelihood, 0, sizeof(double) * n_);
-  for (std::uint32_t k = 0; k < n_; ++k)
-    read_own(cloud_.coordinate + k, n_, carried_.process_scale + k, lacks_ > 0 ? carried_.law + k : nullptr, n_);
+  particles_.draw_prior();
+  particles_.clear_sums();
   evidence_.believe_configuration();
   evidence_.clear();
   window_.clear();
-  window_begin_ = 0;
-  window_exact_ = true;
-  summary_.clear();
+  past_.clear();
   disturbances_.clear();
-  shape_.clear();
-  if (guided() && disturbances_.swings())
-    swing_.begin(cloud_.prior, d_ - disturbances_.drifts() - 2, disturbances_.sizes(), config_->period_s);
-  elapsed_s_ = began_s_ = 0.0;
-  started_ = banks_begun_ = false;
+  moves_.reset(particles_.cloud, disturbances_);
+  tempering_.reset();
+  noise_ = {};
+  elapsed_s_ = 0.0;
+  started_ = false;
   tick_ = 0;
-  exponent_ = 1.0;
-  noise_scale_ = calm_scale_ = 1.0;
-  acceptance_ = 0.0;
-  cursor_ = moved_ = leaves_ = trial_ = 0;
-  early_ = kEarly;
-  for (std::uint32_t& run : gate_run_) run = 0;
-  clear_adequacy();
-  for (double& reach : reach_) reach = 0.0;
-  set_start(config_->initial_state_sd, nullptr);
-  begin_all_filters();
+  gate_.begin();
+  if (jumps_) jumps_->stop();
+  if (adequacy_) adequacy_->reset();
+  start_.reset(*config_);
+  begin_filters();
 }
 
-void FilterPosterior::read_own(const double* coordinate, std::uint32_t stride, double* process_scale, double* law,
-                               std::uint32_t law_stride) const {
-  const double* own = coordinate + std::size_t{cloud_.named} * stride;
-  *process_scale = has_ratio_ ? math::exp(2.0 * own[0]) : 1.0;
-  if (lacks_ == 0) return;
-  if (enabled_)
-    disturbances_.read_law(has_ratio_ ? own + stride : own, stride, law, law_stride);
-  else
-    disturbances_.fixed_law(law, law_stride);
+tiller_status_t FilterPosterior::start(const double* measured) {
+  for (std::uint32_t k = 0; k < filter_.ny(); ++k)
+    if (std::isinf(measured[k])) return tiller_status_sensor_not_finite;
+  if (started_) {
+    // the filters' history breaks: the whole window goes into the past, which costs as much as the moves of a tick
+    past_.retire(window_, 0, tools());
+    std::memcpy(particles_.base, particles_.sums, sizeof(double) * kRows * particles_.n());
+    window_.restart();
+  }
+  inputs_.begin(config_->safety.safe_command);
+  start_.begin_after_pause(*config_, measured);
+  start_.measure_forces(filter_, chunks_[0], particles_, inputs_.rows(), disturbances_);
+  begin_filters();
+  if (contacts_) contacts_->begin(filter_, start_, particles_);
+  if (jumps_) jumps_->stop();
+  gate_.begin();
+  rest_.begin();
+  if (adequacy_) adequacy_->begin();
+  started_ = true;
+  return tiller_status_ok;
 }
 
 tiller_status_t FilterPosterior::skip(const Transition& transition) {
   Transition unseen = transition;
-  for (std::uint32_t k = 0; k < ny_; ++k) unseen.measured[k] = NAN;
+  std::fill(unseen.measured, unseen.measured + filter_.ny(), NAN);
   return advance(unseen, false);
 }
-
-tiller_status_t FilterPosterior::update(const Transition& transition) { return advance(transition, true); }
 
 tiller_status_t FilterPosterior::advance(const Transition& transition, bool moves) {
   if (!started_) return tiller_status_wrong_state;
@@ -80,163 +74,187 @@ tiller_status_t FilterPosterior::advance(const Transition& transition, bool move
   if (refusal != tiller_status_ok) return refusal;
   ++tick_;
   elapsed_s_ += transition.period_s;
-  now_.transition = transition;
-  take_attitudes(*config_, now_.transition.measured);
-  predict();
-  step_touch(now_.transition.measured);
-  const bool doubted = gate(now_.transition);
-  const bool resting = moves && rest_.resting(now_.transition);
-  now_.weight = resting || sticks() ? 0.0 : 1.0;
-  if (adequacy_ && !resting) test_innovation();
-  step_banks();
-  std::memcpy(scratch_row(2), carried_.sums, sizeof(double) * rows_ * n_);
-  correct();
-  const tiller_status_t status = reweight();
+  Transition now = transition;
+  take_attitudes(*config_, now.measured);
+  Observation seen = {now.period_s, 1.0, now.input, now.measured, inputs_.rows()};
+  predict(seen);
+  if (contacts_) contacts_->step(filter_, particles_, seen, noise_.now);
+  const bool doubted = gate_.refuse(filter_, chunks_, particles_.cloud, noise_.now, now.measured);
+  const bool resting = moves && rest_.resting(now);
+  seen.weight = resting || sticks(seen) ? 0.0 : 1.0;
+  if (adequacy_ && !resting)
+    adequacy_->test_innovation(filter_, chunks_, particles_, seen, noise_.now, tempering_.exponent() < 1.0);
+  if (jumps_) jumps_->step(filter_, seen, elapsed_s_, noise_.now);
+  correct(seen);
+  const tiller_status_t status = reweight(seen);
   if (status == tiller_status_posterior_degenerate) return status;
-  if (enabled_ && config_->posterior.moves_per_tick && d_) {
-    remember_transition();
+  const Cloud& cloud = particles_.cloud;
+  if (enabled() && config_->posterior.moves_per_tick && cloud.d) {
+    window_.push(seen);
     // at rest nothing is learnt: a cloud that has been swept stays as it is
-    if (moves && !(resting && moved_ >= n_ && exponent_ == 1.0)) move();
-    retire(config_->posterior.window);
+    if (moves && !(resting && tempering_.settled(cloud)))
+      moves_.move({tools(), window_, past_, evidence_, tick_, hooks_}, particles_, tempering_);
+    past_.retire(window_, config_->posterior.window, tools());
   }
-  note_reach();
-  note_drift();
-  note_swing();
-  watch_jumps();
-  remember_input(now_.transition.input);
-  watch_change(resting);
-  if (adequacy_ && !resting) test_friction();
+  start_.note_reach(*config_, particles_);
+  particles_.note_drift();
+  moves_.note_swing(particles_);
+  if (jumps_ && tempering_.settled(cloud) && tick_ >= FilterAdequacy::kEarly) jumps_->follow(particles_, noise_.now);
+  inputs_.push(now.input);
+  if (adequacy_ && !resting) {
+    if (config_->posterior.relearn && adequacy_->sees_change() && config_->posterior.moves_per_tick && cloud.named)
+      relearn();
+    if (!(tempering_.exponent() < 1.0)) adequacy_->test_friction(particles_, evidence_, start_, elapsed_s_);
+  }
   return doubted ? tiller_status_measurement_outlier : status;
 }
 
-void FilterPosterior::predict() {
-  for_each_chunk(hooks_, n_ / kChunk, n_ >= kWorthThreads, [this](std::uint32_t c) { predict_chunk(c); });
+void FilterPosterior::predict(const Observation& seen) {
+  for_each_chunk(hooks_, particles_.chunks(), particles_.n() >= kWorthThreads, [&](std::uint32_t c) {
+    filter_.map_sensors(chunks_[c], particles_.params_of(c), particles_.n());
+    filter_.predict(chunks_[c], seen, particles_.step(c));
+  });
 }
 
-void FilterPosterior::predict_chunk(std::uint32_t c) const {
-  map_sensors(chunks_[c], cloud_.params + c * kChunk, n_);
-  predict_lanes(chunks_[c], particle_step(c));
-}
-
-/// The filters of particles at .. at + kChunk - 1.
-FilterRows FilterPosterior::carried_lanes(std::uint32_t at) const {
-  return {carried_.filter.state + at, carried_.filter.covariance + at, carried_.filter.effect_state + at, n_};
-}
-
-/// A chunk's own particles at the transition that is being taken in.
-FilterPosterior::Step FilterPosterior::particle_step(std::uint32_t c) const {
-  const std::uint32_t at = c * kChunk;
-  Step step;
-  step.period_s = now_.transition.period_s;
-  step.input = now_.transition.input;
-  step.from = carried_lanes(at);
-  step.params = {cloud_.params + at, n_};
-  step.process_scale = carried_.process_scale + at;
-  if (lacks_ > 0) step.law = {carried_.law + at, n_};
-  step.history = input_history_;
-  return step;
-}
-
-/// A value that is beyond kGate deviations for every particle is a glitch: it is treated as missing, here and in
-/// every later rerun. One particle that can explain it makes it data. True if nothing is left of a measurement.
-bool FilterPosterior::gate(Transition& t) {
-  bool any = false, left = false;
-  for (std::uint32_t k = 0; k < ny_; ++k) {
-    if (std::isnan(t.measured[k])) continue;
-    any = true;
-    if (gate_run_[k] >= kGateRun || explained(t, k)) {
-      gate_run_[k] = 0;
-      left = true;
-      continue;
-    }
-    t.measured[k] = NAN;
-    ++gate_run_[k];
-    ++gated_;
-  }
-  drop_parts(*config_, t.measured);
-  return any && !left;
-}
-
-bool FilterPosterior::explained(const Transition& t, std::uint32_t k) const {
-  // the first particle usually ends the search
-  for (std::uint32_t i = 0; i < n_; ++i)
-    if (cloud_.weight[i] > 0.0 && lane_explains(chunks_[i / kChunk], i % kChunk, t.measured, k)) return true;
-  return false;
-}
-
-bool FilterPosterior::lane_explains(const Chunk& chunk, std::uint32_t lane, const double* measured,
-                                    std::uint32_t k) const {
-  const std::uint32_t state = config_->measured_state[k], row = triangle_row(nf_, state, state);
-  const double scale = std::fmax(1.0, noise_scale_ * noise_scale_);
-  const MeasurementMap map = sensor(chunk, k, lane);
-  const double error = innovation_of(*config_, measured, k, chunk.predicted.state + lane, kChunk, map);
-  const double variance =
-      map.gain * map.gain * chunk.predicted.covariance[row * kChunk + lane] + measurement_variance_[k];
-  return error * error <= kGate * kGate * scale * variance;
-}
-
-void FilterPosterior::correct() {
-  forget();
-  for_each_chunk(hooks_, n_ / kChunk, n_ >= kWorthThreads, [this](std::uint32_t c) { correct_chunk(c); });
-  for (std::uint32_t k = 0; k < ny_; ++k)
-    if (!std::isnan(now_.transition.measured[k])) evidence_.count(now_.weight);
-}
-
-void FilterPosterior::correct_chunk(std::uint32_t c) const {
-  const std::uint32_t at = c * kChunk;
-  CorrectJob job = correct_job(now_.transition.measured, chunks_[c]);
-  job.to = carried_lanes(at);
-  job.weight = now_.weight;
-  job.squared_error = carried_.sums + ScaleEvidence::kSquared * n_ + at;
-  job.log_variance = carried_.sums + ScaleEvidence::kLogs * n_ + at;
-  filter_->correct(job);
+/// The particles' sums, and before these what they were.
+void FilterPosterior::correct(const Observation& seen) {
+  const std::uint32_t n = particles_.n();
+  std::memcpy(particles_.scratch_row(2), particles_.sums, sizeof(double) * kRows * n);
+  forget(seen);
+  for_each_chunk(hooks_, particles_.chunks(), n >= kWorthThreads, [&](std::uint32_t c) {
+    CorrectJob job = filter_.correct_job(seen.measured, chunks_[c]);
+    job.to = particles_.lanes(c);
+    job.weight = seen.weight;
+    job.squared_error = particles_.sums + ScaleEvidence::kSquared * n + c * kLanes;
+    job.log_variance = particles_.sums + ScaleEvidence::kLogs * n + c * kLanes;
+    filter_.correct(job);
+  });
+  evidence_.count(seen.measured, filter_.ny(), seen.weight);
 }
 
 /// Everything but the prior loses its share; the transition that is being taken in does not.
-void FilterPosterior::forget() {
-  if (keep_ == 1.0 || now_.weight == 0.0) return;
-  evidence_.forget(keep_);
-  summary_.forget(keep_);
-  for (std::size_t i = 0; i < std::size_t{rows_} * n_; ++i) {
-    carried_.sums[i] *= keep_;
-    carried_.base[i] *= keep_;
+void FilterPosterior::forget(const Observation& seen) {
+  const double keep = config_->posterior.forgetting_count > 0 ? config_->posterior.forgetting[0] : 1.0;
+  if (keep == 1.0 || seen.weight == 0.0) return;
+  evidence_.forget(keep);
+  past_.forget(keep);
+  particles_.forget(keep);
+  window_.forget(keep);
+}
+
+/// Weights follow the change of the target since the last tick.
+tiller_status_t FilterPosterior::reweight(const Observation& seen) {
+  Cloud& cloud = particles_.cloud;
+  const std::uint32_t n = cloud.n;
+  double *base = particles_.scratch_row(0), *gain = particles_.scratch_row(1);
+  const double* before = particles_.scratch_row(2);
+  evidence_.log_likelihood(n, particles_.sums, n, gain);
+  bool any_finite = false, any_dead = false;
+  for (std::uint32_t i = 0; i < n; ++i) {
+    const bool alive = std::isfinite(gain[i]) && std::isfinite(cloud.log_weight[i]);
+    base[i] = alive ? cloud.log_weight[i] - tempering_.exponent() * particles_.log_likelihood[i] : -INFINITY;
+    any_finite = any_finite || alive;
+    any_dead = any_dead || !alive;
+    if (alive) continue;
+    gain[i] = 0.0;
+    // a frozen particle that met a state that is not finite tries again from the state it had
+    for (std::uint32_t r = 0; r < kRows && !enabled(); ++r) particles_.sums[r * n + i] = before[r * n + i];
   }
-  for (std::uint64_t k = window_begin_; k < window_.end(); ++k) window_[k].weight *= keep_;
+  if (!any_finite) {
+    // no particle took the transition in: as if it had never been
+    std::memcpy(particles_.sums, before, sizeof(double) * kRows * n);
+    evidence_.count(seen.measured, filter_.ny(), -seen.weight);
+    return tiller_status_posterior_degenerate;
+  }
+  if (enabled()) {
+    const Tempering::Choice choice = tempering_.choose(cloud, base, gain, {});
+    cloud.set_weights(base, gain, choice.exponent);
+    for (std::uint32_t i = 0; i < n; ++i) particles_.log_likelihood[i] = std::isinf(base[i]) ? 0.0 : gain[i];
+    // a particle whose state is not finite is replaced at once: moves and fits then find every particle alive
+    if (tempering_.take(cloud, choice, any_dead)) resample();
+  }
+  measure_noise();
+  return tempering_.exponent() < 1.0 ? tiller_status_tempered : tiller_status_ok;
 }
 
-/// The heaviest particle's filter stands for all.
-std::uint32_t FilterPosterior::heaviest() const {
-  std::uint32_t heaviest = 0;
-  for (std::uint32_t i = 1; i < n_; ++i)
-    if (cloud_.weight[i] > cloud_.weight[heaviest]) heaviest = i;
-  return heaviest;
+void FilterPosterior::resample() {
+  particles_.cloud.resample(tick_);
+  particles_.permute();
+  tempering_.note_resampling();
 }
 
-/// Whether dry friction may hold a joint over the transition that is being taken in, as the heaviest particle has it.
-bool FilterPosterior::sticks() {
+/// E[sigma^2] over the particles.
+void FilterPosterior::measure_noise() {
+  double sum = 0.0, weight = 0.0;
+  for (std::uint32_t i = 0; i < particles_.n(); ++i) {
+    const double squared = particles_.sums[ScaleEvidence::kSquared * particles_.n() + i];
+    if (!(particles_.weight(i) > 0.0) || !std::isfinite(squared)) continue;
+    sum += particles_.weight(i) * evidence_.variance(squared);
+    weight += particles_.weight(i);
+  }
+  if (weight > 0.0) noise_.take(sum / weight);
+}
+
+/// Whether dry friction may hold a joint over the transition, as the heaviest particle has it.
+bool FilterPosterior::sticks(const Observation& seen) {
   if (disturbances_.joints() == 0) return false;
-  const std::uint32_t i = heaviest();
-  return disturbances_.sticks(disturbance_job(chunks_[i / kChunk], particle_step(i / kChunk)), i % kChunk);
+  const std::uint32_t i = particles_.heaviest(), c = i / kLanes;
+  return disturbances_.sticks(filter_.disturbance_job(chunks_[c], seen, particles_.step(c)), i % kLanes);
 }
 
-void FilterPosterior::remember_transition() {
-  const auto slot = static_cast<std::size_t>(window_.end() % window_.capacity());
-  const std::size_t row = std::size_t{setup_.delay_steps} * nu_;
-  std::memcpy(window_history_ + slot * row, input_history_, sizeof(double) * row);
-  Kept& kept = window_.push();
-  kept.period_s = now_.transition.period_s;
-  kept.weight = now_.weight;
-  std::copy(now_.transition.input, now_.transition.input + nu_, kept.input);
-  std::copy(now_.transition.measured, now_.transition.measured + ny_, kept.measured);
+/// A robot that has changed: what was learnt of it becomes one half of a new prior, beside the configured one.
+///
+/// The change-point model of Fearnhead and Liu (JRSS B 69, 2007) with one candidate, the moment at which the adequacy
+/// test sounds: before it the parameters are those of the posterior, after it they are the same with probability one
+/// half, and drawn from the prior otherwise. A false alarm then costs little: the particles that were right predict
+/// better than those from the prior and soon have all the weight.
+void FilterPosterior::relearn() {
+  ++relearned_;
+  start_.begin_at_present(filter_, particles_);
+  particles_.draw_again(tick_, relearned_);
+  particles_.clear_sums();
+  evidence_.clear();
+  evidence_.believe(noise_.calm * noise_.calm, kNoiseWorth);
+  noise_.now = noise_.calm;
+  past_.clear();
+  window_.restart();
+  tempering_.restart();
+  begin_filters();
+  adequacy_->restart();
 }
 
-const double* FilterPosterior::history_of(std::uint64_t index) const {
-  return window_history_ + (index % window_.capacity()) * setup_.delay_steps * nu_;
+void FilterPosterior::particle(std::uint32_t index, double* params, double* state, double* weight) const {
+  const std::uint32_t n = particles_.n();
+  if (index >= n) return;
+  for (std::uint32_t i = 0; i < filter_.np() && params; ++i) params[i] = particles_.params_now()[i * n + index];
+  for (std::uint32_t i = 0; i < filter_.nx() && state; ++i) state[i] = particles_.state(i)[index];
+  if (weight) *weight = particles_.weight(index);
 }
 
-void FilterPosterior::remember_input(const double* input) {
-  std::memmove(input_history_ + nu_, input_history_, sizeof(double) * (kHistory - 1) * nu_);
-  std::memcpy(input_history_, input, sizeof(double) * nu_);
+void FilterPosterior::particle_effects(std::uint32_t index, double* effect_state) const {
+  for (std::uint32_t i = 0; i < filter_.ns() && index < particles_.n(); ++i)
+    effect_state[i] = particles_.effect_state(i)[index];
+}
+
+void FilterPosterior::draw(std::uint32_t count, std::uint64_t tick, float* params, float* state, float* effect_state,
+                           float* history) const {
+  estimate().draw(count, tick, origin(), params, state, effect_state);
+  inputs_.copy(filter_.setup().delay_steps, history);
+}
+
+/// Of the noise as it was before a push put anything into it.
+void FilterPosterior::contacts(double* mean, double* sd) const {
+  if (!contacts_) return Posterior::contacts(mean, sd);
+  contacts_->read(filter_, noise_.calm, mean, sd);
+}
+
+void FilterPosterior::report(PosteriorReport& report) const {
+  report = {};
+  estimate().report_noise(report);
+  if (jumps_) jumps_->report(elapsed_s_, noise_.now, report);
+  report.delay_weight[0] = report.forgetting_weight[0] = 1.0;
+  report.relearned = relearned_;
+  report.lost = past_.lost();
 }
 
 }  // namespace tiller

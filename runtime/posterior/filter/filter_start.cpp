@@ -1,116 +1,153 @@
-// Where the filters begin: at the configured state, or, in mid-run, wherever the robot may have got to.
+#include "posterior/filter/filter_start.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 
 #include "posterior/attitude_measurement.hpp"
-#include "posterior/filter/filter_posterior.hpp"
 #include "rollout/attitude.hpp"
 
 namespace tiller {
 
-void FilterPosterior::clear_start() {
-  std::fill(start_.state, start_.state + nf_, 0.0);
-  std::fill(start_.covariance, start_.covariance + triangle_, 0.0);
-  std::fill(start_.effect_state, start_.effect_state + ns_, 0.0);
+namespace {
+
+constexpr std::uint32_t kLanes = FilterChunk::kLanes;
+
+}  // namespace
+
+FilterStart FilterStart::lay_out(Arena& arena, const tiller_config_t& config, std::uint32_t states,
+                                 std::uint32_t effect_states) {
+  FilterStart s;
+  s.nx_ = config.model->state_count;
+  s.nf_ = states;
+  s.ns_ = effect_states;
+  s.ny_ = config.measurement_count;
+  const FilterRows law = lay_out_filters(arena, states, effect_states, 1);
+  s.state_ = law.state;
+  s.covariance_ = law.covariance;
+  s.effect_state_ = law.effect_state;
+  s.measured_ = arena.take<double>(s.ny_);
+  return s;
 }
 
-/// The configured state with deviations sd (nx), and a first measurement (ny).
-void FilterPosterior::set_start(const double* sd, const double* measured) {
-  clear_start();
+void FilterStart::clear() {
+  std::fill(state_, state_ + nf_, 0.0);
+  std::fill(covariance_, covariance_ + triangle_rows(nf_), 0.0);
+  std::fill(effect_state_, effect_state_ + ns_, 0.0);
+  std::fill(measured_, measured_ + ny_, NAN);
+}
+
+void FilterStart::reset(const tiller_config_t& config) {
+  std::fill(reach_, reach_ + nx_, 0.0);
+  set(config, config.initial_state_sd);
+}
+
+void FilterStart::begin_after_pause(const tiller_config_t& config, const double* measured) {
+  double sd[TILLER_MAX_STATES];
+  for (std::uint32_t i = 0; i < nx_; ++i) sd[i] = std::hypot(config.initial_state_sd[i], reach_[i]);
+  set(config, sd);
+  std::copy(measured, measured + ny_, measured_);
+  take_attitudes(config, measured_);
+}
+
+/// The configured state with deviations sd (nx).
+void FilterStart::set(const tiller_config_t& config, const double* sd) {
+  const std::uint32_t quaternions = config.model->quaternion_mask;
+  clear();
   for (std::uint32_t r = 0; r < nx_; ++r) {
-    start_.state[r] = config_->initial_state[r];
-    start_.covariance[triangle_row(nf_, r, r)] = (quaternions_ >> r) & 1u ? 0.0 : sd[r] * sd[r];
+    state_[r] = config.initial_state[r];
+    covariance_[triangle_row(nf_, r, r)] = (quaternions >> r) & 1u ? 0.0 : sd[r] * sd[r];
   }
-  for_quaternions(quaternions_, [&](std::uint32_t first) {
-    write_quaternion(normalised(read_quaternion(start_.state + first)), start_.state + first);
+  for_quaternions(quaternions, [&](std::uint32_t first) {
+    write_quaternion(normalised(read_quaternion(state_ + first)), state_ + first);
   });
-  for (std::uint32_t k = 0; k < ny_; ++k) start_.measured[k] = measured ? measured[k] : NAN;
-  take_attitudes(*config_, start_.measured);
-  knows_lacks_ = false;
-  if (lacks_ > 0 && measured) measure_forces();
+  has_forces_ = false;
 }
 
-/// How large a force has to be to matter, from what forces do to the first chunk's particles at the configured state.
-void FilterPosterior::measure_forces() {
-  const Chunk& chunk = chunks_[0];
-  map_sensors(chunk, cloud_.params, n_);
-  begin_filters(chunk, chunk.filter, {carried_.law, n_});
-  Step step;
-  step.period_s = config_->period_s;
-  step.input = config_->safety.safe_command;
-  step.from = chunk.filter;
-  step.params = {cloud_.params, n_};
-  step.history = input_history_;
-  step.law = {carried_.law, n_};
-  predict_lanes(chunk, step);
-  disturbances_.measure_reach(disturbance_job(chunk, step));
-}
-
-/// The start's law, corrected by its measurement, which does not count into the likelihood (of no parameter but a
-/// sensor's, and of these the others tell more). The chunk says how the sensors read.
-void FilterPosterior::begin_filters(const Chunk& chunk, const FilterRows& rows, Lanes<double> law) const {
-  double unused[2 * kChunk] = {};
+void FilterStart::begin_filters(const LaneFilter& filter, const FilterChunk& chunk, const FilterRows& rows,
+                                Lanes<double> law) const {
+  double unused[2 * kLanes] = {};
   const auto fill = [&rows](double* to, std::uint32_t count, const double* value) {
     for (std::uint32_t i = 0; i < count; ++i)
-      for (std::uint32_t l = 0; l < kChunk; ++l) to[i * rows.stride + l] = value[i];
+      for (std::uint32_t l = 0; l < kLanes; ++l) to[i * rows.stride + l] = value[i];
   };
-  fill(rows.state, nf_, start_.state);
-  fill(rows.covariance, triangle_, start_.covariance);
-  fill(rows.effect_state, ns_, start_.effect_state);
-  for (std::uint32_t l = 0; l < kChunk && lacks_ > 0 && !knows_lacks_; ++l) {
+  fill(rows.state, nf_, state_);
+  fill(rows.covariance, triangle_rows(nf_), covariance_);
+  fill(rows.effect_state, ns_, effect_state_);
+  for (std::uint32_t l = 0; l < kLanes && nf_ > nx_ && !has_forces_; ++l) {
     double variance[kMaxFilterStates];
-    disturbances_.prior_variance(law.data + l, static_cast<std::uint32_t>(law.stride), began_s_, variance);
-    for (std::uint32_t f = 0; f < lacks_; ++f)
-      rows.covariance[triangle_row(nf_, nx_ + f, nx_ + f) * rows.stride + l] = variance[f];
+    chunk.lacking->prior_variance(law.data + l, law.stride, variance);
+    for (std::uint32_t f = nx_; f < nf_; ++f)
+      rows.covariance[triangle_row(nf_, f, f) * rows.stride + l] = variance[f - nx_];
   }
-  CorrectJob job = correct_job(start_.measured, chunk);
+  CorrectJob job = filter.correct_job(measured_, chunk);
   job.from = job.to = rows;
   job.squared_error = unused;
-  job.log_variance = unused + kChunk;
-  filter_->correct(job);
+  job.log_variance = unused + kLanes;
+  filter.correct(job);
 }
 
-void FilterPosterior::begin_all_filters() {
-  for (std::uint32_t c = 0; c < n_ / kChunk; ++c) {
-    const std::uint32_t at = c * kChunk;
-    map_sensors(chunks_[c], cloud_.params + at, n_);
-    begin_filters(chunks_[c], carried_lanes(at), lacks_ > 0 ? Lanes<double>{carried_.law + at, n_} : Lanes<double>{});
+void FilterStart::begin_all(const LaneFilter& filter, const FilterChunk* chunks, FilterParticles& particles) const {
+  for (std::uint32_t c = 0; c < particles.chunks(); ++c) {
+    filter.map_sensors(chunks[c], particles.params_of(c), particles.n());
+    begin_filters(filter, chunks[c], particles.lanes(c), particles.laws_of(c));
   }
-  note_drift();
+  particles.note_drift();
 }
 
-tiller_status_t FilterPosterior::start(const double* measured) {
-  for (std::uint32_t k = 0; k < ny_; ++k)
-    if (std::isinf(measured[k])) return tiller_status_sensor_not_finite;
-  if (started_) close_window();
-  // after a pause a state may be as far from where it began as it has ever been: believing it closer, the first values
-  // would speak of noise where they only speak of the pause
-  double sd[TILLER_MAX_STATES];
-  for (std::uint32_t i = 0; i < nx_; ++i) sd[i] = std::hypot(config_->initial_state_sd[i], reach_[i]);
-  for (std::uint32_t i = 0; i < kHistory; ++i)
-    for (std::uint32_t j = 0; j < nu_; ++j) input_history_[i * nu_ + j] = config_->safety.safe_command[j];
-  set_start(sd, measured);
-  begin_all_filters();
-  begin_touch();
-  banks_begun_ = false;  // no lane knows how far the robot got meanwhile
-  for (std::uint32_t& run : gate_run_) run = 0;
-  rest_.begin();
-  if (adequacy_) {
-    adequacy_->begin();
-    response_->begin();
+void FilterStart::measure_forces(const LaneFilter& filter, const FilterChunk& chunk, const FilterParticles& particles,
+                                 const double* history, DisturbanceStates& disturbances) const {
+  if (disturbances.states() == 0) return;
+  filter.map_sensors(chunk, particles.cloud.params, particles.n());
+  begin_filters(filter, chunk, chunk.filter, particles.laws_of(0));
+  Observation idle;
+  idle.period_s = filter.config().period_s;
+  idle.input = filter.config().safety.safe_command;
+  idle.history = history;
+  const LaneStep step = {chunk.filter, {particles.cloud.params, particles.n()}, nullptr, particles.laws_of(0)};
+  filter.predict(chunk, idle, step);
+  disturbances.measure_reach(filter.disturbance_job(chunk, idle, step));
+}
+
+void FilterStart::begin_at_present(const LaneFilter& filter, const FilterParticles& particles) {
+  const std::uint32_t about = particles.heaviest(), quaternions = filter.quaternions();
+  const DisturbanceStates& disturbances = *particles.disturbances;
+  clear();
+  // filters that begin with one law of the friction, whatever size a particle has, are judged by the mean size
+  for (std::uint32_t j = 0; j < disturbances.joints() && disturbances.has_friction(); ++j)
+    friction_law_[j] = particles.mean(particles.law(j));
+  has_forces_ = true;
+  double off[kMaxFilterStates];
+  for (std::uint32_t i = 0; i < particles.n(); ++i) {
+    const double w = particles.weight(i);
+    if (!(w > 0.0)) continue;
+    particles.differ(i, about, off);
+    for (std::uint32_t r = 0; r < nf_; ++r) state_[r] += w * off[r];
+    for (std::uint32_t s = 0; s < ns_; ++s) effect_state_[s] += w * particles.effect_state(s)[i];
   }
-  started_ = true;
-  return tiller_status_ok;
+  for (std::uint32_t i = 0; i < particles.n(); ++i) {
+    const double w = particles.weight(i);
+    if (!(w > 0.0)) continue;
+    particles.differ(i, about, off);
+    for (std::uint32_t r = 0; r < nf_; ++r) off[r] -= state_[r];
+    for (std::uint32_t r = 0; r < nf_; ++r)
+      for (std::uint32_t c = r; c < nf_; ++c)
+        covariance_[triangle_row(nf_, r, c)] += w * (particles.covariance(r, c)[i] + off[r] * off[c]);
+  }
+  for_quaternions(quaternions, [&](std::uint32_t first) {
+    const Quaternion<double> middle = read_quaternion(particles.state(first) + about, particles.n());
+    const double* d = state_ + first;
+    const Quaternion<double> q = normalised(attitude_sum(middle, {d[1], d[2], d[3]}));
+    // what is added below
+    write_quaternion({q.w - middle.w, q.x - middle.x, q.y - middle.y, q.z - middle.z}, state_ + first);
+  });
+  for (std::uint32_t r = 0; r < nf_; ++r) state_[r] += particles.state(r)[about];
 }
 
-/// The heaviest particle stands for all.
-void FilterPosterior::note_reach() {
-  const std::uint32_t particle = heaviest();
+void FilterStart::note_reach(const tiller_config_t& config, const FilterParticles& particles) {
+  const std::uint32_t particle = particles.heaviest();
   double at[TILLER_MAX_STATES];
-  for (std::uint32_t i = 0; i < nx_; ++i) at[i] = carried_.filter.state[i * n_ + particle];
-  state_differences(*config_->model, at, config_->initial_state, at);
+  for (std::uint32_t i = 0; i < nx_; ++i) at[i] = particles.state(i)[particle];
+  state_differences(*config.model, at, config.initial_state, at);
   for (std::uint32_t i = 0; i < nx_; ++i) {
     const double off = std::fabs(at[i]);
     if (off > reach_[i] && std::isfinite(off)) reach_[i] = off;

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "posterior/filter/lane_filter.hpp"
 #include "tiller/math.hpp"
 
 namespace tiller {
@@ -65,10 +66,7 @@ FilterSummary FilterSummary::lay_out(Arena& arena, std::uint32_t d, std::uint32_
   s.tilt_ = arena.take<double>(terms);
   s.law_ = arena.take<double>((nx + ns + s.triangle_) * terms);
   s.scratch_ = arena.take<double>(s.triangle_ * points > terms ? s.triangle_ * points : terms);
-  s.filters_.state = arena.take<double>(nx * points);
-  s.filters_.covariance = arena.take<double>(s.triangle_ * points);
-  s.filters_.effect_state = arena.take<double>(ns * points);
-  s.filters_.stride = s.design_.points();
+  s.filters_ = lay_out_filters(arena, nx, ns, s.design_.points());
   return s;
 }
 

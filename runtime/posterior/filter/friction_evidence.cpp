@@ -20,7 +20,7 @@
 
 #include <cmath>
 
-#include "posterior/filter/filter_posterior.hpp"
+#include "posterior/filter/filter_adequacy.hpp"
 #include "tiller/math.hpp"
 
 namespace tiller {
@@ -36,54 +36,48 @@ std::uint32_t channel_of(const tiller_config_t& config, const tiller_joint_t& jo
   return 0;
 }
 
-}  // namespace
-
-/// Only of all the data, for a tempered posterior is not what the particles' weights would have to be; and not on
-/// trial, when it is open whether the null explains the data at all.
-void FilterPosterior::test_friction() {
-  if (!disturbances_.has_friction() || exponent_ < 1.0 || early_ > 0 || trial_ > 0) return;
-  for (std::uint32_t j = 0; j < disturbances_.joints(); ++j) {
-    const std::uint32_t channel = channel_of(*config_, config_->model->joints[j]);
-    adequacy_->take_force(2 * j, channel, tiller_feature_velocity, friction_evidence(j, DisturbanceStates::kViscous));
-    adequacy_->take_force(2 * j + 1, channel, tiller_feature_velocity_sign,
-                          friction_evidence(j, DisturbanceStates::kDry));
-  }
-}
-
 /// Logarithm; 0 where no such friction is looked for. Cost: O(N).
-double FilterPosterior::friction_evidence(std::uint32_t joint, std::uint32_t kind) const {
-  const std::uint32_t lacking = disturbances_.force_state(joint) + kind, state = nx_ + lacking;
-  const double* const mean = carried_.filter.state + std::size_t{state} * n_;
-  const double* const variance = carried_.filter.covariance + std::size_t{triangle_row(nf_, state, state)} * n_;
-  const double* const size = carried_.law + std::size_t{joint} * n_;
-  const double *const squared = carried_.sums + ScaleEvidence::kSquared * n_, *const logs = carried_.sums +
-                                                                                            ScaleEvidence::kLogs * n_;
-  double* const without = scratch_row(0);  // sums, two rows
-  double* const density = scratch_row(2);
-  for (std::uint32_t i = 0; i < n_; ++i) {
-    const double law = knows_lacks_ ? kept_law_[joint] : size[i];
-    const double before = disturbances_.friction_variance(lacking, law, elapsed_s_);
+double friction_evidence(const FilterParticles& particles, const ScaleEvidence& evidence, const double* law,
+                         std::uint32_t joint, std::uint32_t kind, double elapsed_s) {
+  const DisturbanceStates& disturbances = *particles.disturbances;
+  const std::uint32_t n = particles.n(), lacking = disturbances.force_state(joint) + kind;
+  const std::uint32_t state = particles.nf - disturbances.states() + lacking;
+  const double *const mean = particles.state(state), *const variance = particles.covariance(state, state);
+  const double *const size = particles.law(joint), *const squared = particles.sums + ScaleEvidence::kSquared * n,
+                      *const logs = particles.sums + ScaleEvidence::kLogs * n;
+  double* const without = particles.scratch_row(0);  // sums, two rows
+  double* const density = particles.scratch_row(2);
+  for (std::uint32_t i = 0; i < n; ++i) {
+    const double before = disturbances.friction_variance(lacking, law ? law[joint] : size[i], elapsed_s);
     if (!(before > 0.0)) return 0.0;
     const double after = std::fmin(before, std::fmax(variance[i], kVarianceFloor * before));
-    without[ScaleEvidence::kSquared * n_ + i] = squared[i] + mean[i] * mean[i] / after;
-    without[ScaleEvidence::kLogs * n_ + i] = logs[i] - math::log(before / after);
+    without[ScaleEvidence::kSquared * n + i] = squared[i] + mean[i] * mean[i] / after;
+    without[ScaleEvidence::kLogs * n + i] = logs[i] - math::log(before / after);
   }
-  evidence_.log_likelihood(n_, without, n_, density);
+  evidence.log_likelihood(n, without, n, density);
   double none = 0.0;
-  for (std::uint32_t i = 0; i < n_; ++i) {
-    const double less = density[i] - carried_.log_likelihood[i];
-    if (cloud_.weight[i] > 0.0 && std::isfinite(less)) none += cloud_.weight[i] * math::exp(less);
+  for (std::uint32_t i = 0; i < n; ++i) {
+    const double less = density[i] - particles.log_likelihood[i];
+    if (particles.weight(i) > 0.0 && std::isfinite(less)) none += particles.weight(i) * math::exp(less);
   }
   constexpr double kLeast = 1e-300;  // whose logarithm is one
   return -math::log(std::fmax(none, kLeast));
 }
 
-/// Filters that begin with one law of the friction, whatever size a particle has, are judged by the mean size.
-void FilterPosterior::keep_friction_law() {
-  for (std::uint32_t j = 0; j < disturbances_.joints() && disturbances_.has_friction(); ++j) {
-    double mean = 0.0;
-    for (std::uint32_t i = 0; i < n_; ++i) mean += cloud_.weight[i] * carried_.law[std::size_t{j} * n_ + i];
-    kept_law_[j] = mean;
+}  // namespace
+
+void FilterAdequacy::test_friction(const FilterParticles& particles, const ScaleEvidence& evidence,
+                                   const FilterStart& start, double elapsed_s) {
+  const DisturbanceStates& disturbances = *particles.disturbances;
+  if (!disturbances.has_friction() || early_ > 0 || trial_ > 0) return;
+  const tiller_config_t& config = *particles.cloud.config;
+  const auto evidence_of = [&](std::uint32_t joint, std::uint32_t kind) {
+    return friction_evidence(particles, evidence, start.friction_law(), joint, kind, elapsed_s);
+  };
+  for (std::uint32_t j = 0; j < disturbances.joints(); ++j) {
+    const std::uint32_t channel = channel_of(config, config.model->joints[j]);
+    test_->take_force(2 * j, channel, tiller_feature_velocity, evidence_of(j, DisturbanceStates::kViscous));
+    test_->take_force(2 * j + 1, channel, tiller_feature_velocity_sign, evidence_of(j, DisturbanceStates::kDry));
   }
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 
 #include "tiller/tiller.h"
@@ -27,7 +28,11 @@ class ScaleEvidence {
   void believe(double variance, double values);
 
   void forget(double keep) { known_ *= keep; }
-  void count(double values) { known_ += values; }
+  /// Each of the measured values (count; NaN: missing) by its weight.
+  void count(const double* measured, std::uint32_t count, double weight) {
+    for (std::uint32_t k = 0; k < count; ++k)
+      if (!std::isnan(measured[k])) known_ += weight;
+  }
 
   /// Of `lanes` particles whose sums stand in rows of `stride`. NaN where the sums are those of no particle: beyond
   /// rounding below zero.
@@ -40,6 +45,18 @@ class ScaleEvidence {
 
   double configured_a0_ = 1.0, a0_ = 1.0, b0_ = 1.0;
   double known_ = 0.0;  // n
+};
+
+/// The noise's estimated scale over the configured one.
+struct NoiseScale {
+  double now = 1.0;
+  double calm = 1.0;  // without what a sudden surprise puts into the noise: none grows by a fiftieth in a tick
+
+  void take(double variance) {
+    now = std::sqrt(variance);
+    calm = std::fmin(now, 1.02 * calm);
+  }
+  double variance() const { return now * now; }
 };
 
 }  // namespace tiller

@@ -1,4 +1,4 @@
 set(sources
-  filter_layout.cpp filter_posterior.cpp filter_step.cpp filter_start.cpp filter_summary.cpp disturbance_states.cpp scale_evidence.cpp
-  innovation.cpp response.cpp reweight.cpp moves.cpp window.cpp relearn.cpp report.cpp disturbance_report.cpp friction_evidence.cpp
-  touch.cpp jump_bank.cpp jumps.cpp)
+  filter_layout.cpp filter_posterior.cpp lane_filter.cpp particles.cpp filter_start.cpp filter_past.cpp filter_summary.cpp filter_moves.cpp
+  outlier_gate.cpp filter_adequacy.cpp response.cpp friction_evidence.cpp filter_estimate.cpp disturbance_report.cpp disturbance_states.cpp
+  scale_evidence.cpp contact_filter.cpp jump_bank.cpp jump_banks.cpp)

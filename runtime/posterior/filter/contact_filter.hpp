@@ -1,0 +1,34 @@
+#pragma once
+
+#include "posterior/filter/filter_start.hpp"
+
+namespace tiller {
+
+/// A filter that looks out for contacts (safety.contact_force), beside those that learn: a force may come from one
+/// period to the next there, which a posterior that has long found the world still would first take for noise.
+///
+/// Its lanes have the parameters of as many particles, one of each kLanes-th of the weight, and these particles'
+/// viscous and dry forces: what is left to the wandering ones is what nobody has learnt.
+class ContactFilter {
+ public:
+  /// Null where no joint has a limit. The disturbances stand at `at` once there is memory.
+  static ContactFilter* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
+                                const DisturbanceStates& disturbances, const DisturbanceStates* at, std::uint32_t d);
+
+  void begin(const LaneFilter& filter, const FilterStart& start, const FilterParticles& particles);
+  /// `seen` as it came: what the particles take for a glitch may be a blow. A value that this filter cannot explain
+  /// either is one.
+  void step(const LaneFilter& filter, const FilterParticles& particles, const Observation& seen, double noise_scale);
+  /// Means and deviations of the forces (joints) under this noise.
+  void read(const LaneFilter& filter, double noise_scale, double* mean, double* sd) const;
+
+ private:
+  static constexpr std::uint32_t kLanes = FilterChunk::kLanes;
+
+  bool may_touch(std::uint32_t f) const;
+  void follow(const FilterParticles& particles) const;
+
+  const FilterChunk* chunk_ = nullptr;
+};
+
+}  // namespace tiller
