@@ -47,11 +47,12 @@ BankPosterior* BankPosterior::lay_out(Arena& arena, const tiller_config_t& confi
     if (configs) configs[i] = one;
     engine[i] = Posterior::lay_out(arena, configs ? configs[i] : one, member_setup, table, hooks);
   }
-  auto* value = arena.take<double>(std::size_t{members} * n);
-  auto* share = arena.take<double>(std::size_t{members} * n);
-  auto* order = arena.take<std::uint32_t>(std::size_t{members} * n);
-  auto* drawn = arena.take<float>(std::size_t{rows + nx + setup.effect_state_count} * kColumns);
-  auto* owner = arena.take<std::uint32_t>(kColumns);
+  Scratch scratch;
+  scratch.value = arena.take<double>(std::size_t{members} * n);
+  scratch.share = arena.take<double>(std::size_t{members} * n);
+  scratch.order = arena.take<std::uint32_t>(std::size_t{members} * n);
+  scratch.drawn = arena.take<float>(std::size_t{rows + nx + setup.effect_state_count} * kColumns);
+  scratch.owner = arena.take<std::uint32_t>(kColumns);
   auto* drawn_delay = arena.take<double>(kColumns);
   if (arena.measuring() || !arena.fits()) return nullptr;
 
@@ -69,11 +70,7 @@ BankPosterior* BankPosterior::lay_out(Arena& arena, const tiller_config_t& confi
   p->ns_ = setup.effect_state_count;
   p->ny_ = config.measurement_count;
   std::memcpy(p->engine_, engine, sizeof engine);
-  p->value_ = value;
-  p->share_ = share;
-  p->order_ = order;
-  p->drawn_ = drawn;
-  p->owner_ = owner;
+  p->scratch_ = scratch;
   p->drawn_delay_ = drawn_delay;
   p->reset();
   return p;

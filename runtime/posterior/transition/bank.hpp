@@ -112,13 +112,15 @@ class BankPosterior final : public Posterior {
   bool has_history_ = false;  // members read inputs older than the one they are fed
   Posterior* engine_[kMaxMembers] = {};
 
-  // scratch
-  double* value_ = nullptr;         // (size)
-  double* share_ = nullptr;         // (size)
-  std::uint32_t* order_ = nullptr;  // (size)
-  float* drawn_ = nullptr;          // ((rows + nx + ns) x kColumns)
-  std::uint32_t* owner_ = nullptr;  // (kColumns) member of each column of the last selection
-  double* drawn_delay_ = nullptr;   // (kColumns) and its delay, in periods
+  struct Scratch {
+    double* value = nullptr;         // (size)
+    double* share = nullptr;         // (size)
+    std::uint32_t* order = nullptr;  // (size)
+    float* drawn = nullptr;          // ((rows + nx + ns) x kColumns)
+    std::uint32_t* owner = nullptr;  // (kColumns) member of each column of the last selection
+  };
+  Scratch scratch_;
+  double* drawn_delay_ = nullptr;  // (kColumns) of the last selection, in periods
 
   // where it stands
   bool started_ = false;

@@ -56,16 +56,17 @@ double BankPosterior::quantile(std::uint32_t param, double q) const {
   if (param >= np_ || !(q >= 0.0 && q <= 1.0)) return NAN;
   double params[TILLER_MAX_PARAMS];
   for (std::uint32_t k = 0; k < size(); ++k) {
-    particle(k, params, nullptr, &share_[k]);
-    value_[k] = params[param];
-    order_[k] = k;
+    particle(k, params, nullptr, &scratch_.share[k]);
+    scratch_.value[k] = params[param];
+    scratch_.order[k] = k;
   }
-  const double* value = value_;
-  std::sort(order_, order_ + size(),
+  const double* value = scratch_.value;
+  std::sort(scratch_.order, scratch_.order + size(),
             [value](std::uint32_t a, std::uint32_t b) { return value[a] != value[b] ? value[a] < value[b] : a < b; });
-  double below = 0.0, last_at = 0.0, last = value_[order_[0]];
+  double below = 0.0, last_at = 0.0, last = scratch_.value[scratch_.order[0]];
   for (std::uint32_t k = 0; k < size(); ++k) {
-    const double share = share_[order_[k]], at = below + 0.5 * share, here = value_[order_[k]];
+    const double share = scratch_.share[scratch_.order[k]], at = below + 0.5 * share,
+                 here = scratch_.value[scratch_.order[k]];
     if (!(share > 0.0)) continue;
     if (at >= q) return below > 0.0 && at > last_at ? last + (q - last_at) / (at - last_at) * (here - last) : here;
     below += share;
@@ -193,7 +194,7 @@ void BankPosterior::apportion(std::uint32_t count, std::uint64_t tick, std::uint
       if (most == members_ || std::uint64_t{left[k]} * columns[most] > std::uint64_t{left[most]} * columns[k]) most = k;
     }
     --left[most];
-    owner_[m] = most;
+    scratch_.owner[m] = most;
   }
 }
 
@@ -218,8 +219,8 @@ void BankPosterior::draw_block(std::uint32_t count, std::uint32_t first, std::ui
   const std::uint32_t block = std::min(count - first, kColumns);
   std::uint32_t columns[kMaxMembers];
   apportion(block, tick, first, columns);
-  const std::uint32_t* owner = owner_;
-  float *from_state = drawn_ + rows_ * kColumns, *from_effect = from_state + nx_ * kColumns;
+  const std::uint32_t* owner = scratch_.owner;
+  float *from_state = scratch_.drawn + rows_ * kColumns, *from_effect = from_state + nx_ * kColumns;
   const auto copy = [&](const float* from, std::uint32_t rows, std::uint32_t stride, std::uint32_t at, float* to,
                         std::uint32_t column) {
     for (std::uint32_t i = 0; i < rows && to; ++i) to[i * count + column] = from[i * stride + at];
@@ -227,13 +228,13 @@ void BankPosterior::draw_block(std::uint32_t count, std::uint32_t first, std::ui
   for (std::uint32_t k = 0; k < members_; ++k) {
     const std::uint32_t stride = columns[k];
     if (stride == 0) continue;
-    engine_[k]->draw(stride, tick + first, drawn_, from_state, from_effect, nullptr);
+    engine_[k]->draw(stride, tick + first, scratch_.drawn, from_state, from_effect, nullptr);
     std::uint32_t at = 0;
     for (std::uint32_t m = 0; m < block; ++m) {
       if (owner[m] != k) continue;
-      const float* fraction = drawn_ + np_ * stride + at;
+      const float* fraction = scratch_.drawn + np_ * stride + at;
       drawn_delay_[m] = periods(k, hypotheses_.fractional ? static_cast<double>(*fraction) : 0.0);
-      copy(drawn_, np_, stride, at, params, first + m);
+      copy(scratch_.drawn, np_, stride, at, params, first + m);
       copy(from_state, nx_, stride, at, state, first + m);
       copy(from_effect, ns_, stride, at, effect_state, first + m);
       ++at;

@@ -1,9 +1,6 @@
-// One weight per transition, so that a glitch does not teach: full where any particle explains it, falling where none
-// does.
+#include "posterior/transition/robust_weight.hpp"
 
 #include <cmath>
-
-#include "posterior/transition/transition_cloud.hpp"
 #include "tiller/math.hpp"
 
 namespace tiller {
@@ -22,39 +19,46 @@ constexpr std::uint32_t kOutlierRun = 5;
 /// How far the worst row of a transition lies from what a particle predicts: the square of the residual over that of
 /// the Student-t's residual that is as improbable as kOrdinary normal deviations. Few data so do not speak of many
 /// deviations.
-double TransitionCloud::outlier_ratio(std::uint32_t particle, const MeasuredStep& step, const float* basis) const {
+double RobustWeight::outlier_ratio(const TransitionData& data, std::uint32_t particle, const float* whitened) {
+  const TransitionParticles& p = data.particles;
+  const Evidence& evidence = data.evidence;
+  const MeasuredStep& step = *data.ring.steps(data.ring.newest());
   double worst = 0.0;
-  for (std::uint32_t r = 0; r < nx_; ++r) {
+  for (std::uint32_t r = 0; r < evidence.nx(); ++r) {
     if (std::isnan(step.change[r])) continue;
     // without regressors the sign does not matter
-    const bool pushed = evidence_.place_of(r) < evidence_.pushed_count();
-    const double residual = pushed ? newest_residual(particle, r) : std::sqrt(fresh_[r * n_ + particle]);
-    const double e = evidence_.innovation(total_ + particle, n_, r, residual, basis);
-    const double freedom = evidence_.freedom(r);
+    const bool pushed = evidence.place_of(r) < evidence.pushed_count();
+    const double residual = pushed ? data.sums.newest(p.n(), particle, r) : std::sqrt(p.fresh[r * p.n() + particle]);
+    const double e = evidence.innovation(p.total + particle, p.n(), r, residual, whitened);
+    const double freedom = evidence.freedom(r);
     const double ordinary = freedom * math::expm1(kOrdinary * kOrdinary / (freedom + 1.0));
-    const double share = e * e / (ordinary * evidence_.scale_square(total_ + particle, n_, r, basis));
+    const double share = e * e / (ordinary * evidence.scale_square(p.total + particle, p.n(), r, whitened));
     if (!(share <= worst)) worst = share;
   }
   return worst;
 }
 
-double TransitionCloud::find_robust_weight(std::uint32_t slot) {
+double RobustWeight::find(const TransitionData& data, const float* whitened) {
+  const Cloud& cloud = data.particles.cloud;
+  weight_ = 1.0;
+  if (!cloud.config->posterior.robust) return weight_;
   double least = INFINITY;
-  for (std::uint32_t i = 0; i < n_; ++i) {
-    if (!(cloud_.weight[i] * n_ > kHasSay)) continue;
-    const double share = outlier_ratio(i, steps_[slot], whitened_);
+  for (std::uint32_t i = 0; i < cloud.n; ++i) {
+    if (!(cloud.weight[i] * cloud.n > kHasSay)) continue;
+    const double share = outlier_ratio(data, i, whitened);
     if (share < least) least = share;
     // the first particle usually ends the search
     if (least <= 1.0) {
       doubted_run_ = 0;
-      return 1.0;
+      return weight_;
     }
   }
-  if (++doubted_run_ > kOutlierRun) return 1.0;
+  if (++doubted_run_ > kOutlierRun) return weight_;
   ++outliers_;
   // the weighted square falls as the residual grows: else every glitch would widen the noise by as much as an
   // ordinary residual's largest
-  return 1.0 / (least * least);
+  weight_ = 1.0 / (least * least);
+  return weight_;
 }
 
 }  // namespace tiller

@@ -7,78 +7,25 @@
 
 namespace tiller {
 
-namespace {
-
-std::uint32_t round_up(std::uint32_t value, std::uint32_t multiple) {
-  return (value + multiple - 1) / multiple * multiple;
-}
-
-}  // namespace
-
 TransitionCloud* TransitionCloud::lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
                                           const RolloutTable& table, const tiller_hooks_t* hooks) {
-  const std::uint32_t n = config.posterior.particles, nx = config.model->state_count, np = config.param_count;
   const Evidence evidence(config);
-  const std::uint32_t rows = evidence.rows(), columns = evidence.columns();
-  const std::uint32_t longest = 2 * config.posterior.window, lanes = round_up(n / 2, 16);
-  const std::uint32_t capacity = columns > 0 ? longest + 1 : longest, lead_in = columns > 0 ? 1 : 0;
-  auto* c = arena.take<TransitionCloud>(1);
+  auto* const c = arena.take<TransitionCloud>(1);
   TransitionCloud made;
-  made.cloud_ = Cloud::lay_out(arena, config);
-  made.params_ = arena.take<float>(std::size_t{np} * n);
-  made.total_ = arena.take<double>(std::size_t{rows} * n);
-  made.ring_sums_ = arena.take<double>(std::size_t{rows} * n);
-  made.log_likelihood_ = arena.take<double>(n);
-  made.fresh_ = arena.take<double>(std::size_t{rows} * n);
-  made.base_ = arena.take<double>(n);
-  made.gain_ = arena.take<double>(n);
-  made.summary_ = ResidualSummary::lay_out(arena, made.cloud_.d, evidence);
-  made.steps_ = arena.take<MeasuredStep>(capacity);
-  made.weight_ = arena.take<float>(std::size_t{capacity} * nx);
-  made.basis_ = arena.take<float>(std::size_t{capacity} * columns);
-  auto* matrices = arena.take<double>(evidence.matrix_count());
-  made.linked_ = arena.take<float>(std::size_t{capacity} * evidence.pushed_count());
-  made.whitened_ = arena.take<float>(columns);
-  made.history_ = arena.take<double>(std::size_t{capacity} * setup.delay_steps * config.model->input_count);
-  made.proposed_change_ = arena.take<double>(lanes);
-  made.proposed_uniform_ = arena.take<double>(lanes);
-  made.proposed_params_ = arena.take<float>(std::size_t{np} * lanes);
-  made.proposed_coordinate_ = arena.take<double>(std::size_t{made.cloud_.d} * lanes);
-  made.present_coordinate_ = arena.take<double>(std::size_t{made.cloud_.d} * lanes);
-  made.proposed_ring_ = arena.take<double>(std::size_t{rows} * lanes);
-  made.proposed_total_ = arena.take<double>(std::size_t{rows} * lanes);
-  made.proposed_likelihood_ = arena.take<double>(lanes);
-  // all particles at one transition, or the moves at a block of them
-  const std::uint32_t at_one = round_up(n, kChunk) * (1 + lead_in);
-  const std::uint32_t at_block = round_up(lanes, kChunk) * (kBlock + lead_in);
-  made.residual_ = arena.take<float>(std::size_t{at_one > at_block ? at_one : at_block} * nx);
-  made.design_params_ = arena.take<float>(std::size_t{np} * made.summary_.design().points());
-  made.design_residual_ = arena.take<float>(std::size_t{nx} * made.summary_.design().points() * (1 + lead_in));
-  if (evidence.joints() > 0) made.response_ = ForceResponse::lay_out(arena, config, setup, table, evidence.joints());
+  made.config_ = &config;
+  made.evidence_ = evidence;
+  made.particles_ = TransitionParticles::lay_out(arena, config, evidence);
+  made.ring_ = TransitionRing::lay_out(arena, config, setup, evidence);
+  made.sums_ = ResidualSums::lay_out(arena, config, setup, table, hooks, evidence, TransitionMoves::lanes_of(config));
+  made.discrepancy_ = Discrepancy::lay_out(arena, config, setup, table, evidence);
+  made.moves_ = TransitionMoves::lay_out(arena, made.particles_);
+  made.past_ = TransitionPast::lay_out(arena, made.particles_, evidence);
+  auto* const matrices = arena.take<double>(evidence.matrix_count());
   if (arena.measuring() || !arena.fits()) return nullptr;
 
-  made.config_ = &config;
-  made.setup_ = setup;
-  made.table_ = &table;
-  made.hooks_ = hooks;
-  made.n_ = n;
-  made.nx_ = nx;
-  made.nu_ = config.model->input_count;
-  made.np_ = np;
-  made.d_ = made.cloud_.d;
-  made.rows_ = rows;
-  made.columns_ = columns;
-  made.window_ = config.posterior.window;
-  made.longest_ = longest;
-  made.capacity_ = capacity;
-  made.steps_of_one_ = 1 + lead_in;
-  made.lanes_ = lanes;
-  made.evidence_ = evidence;
   made.evidence_.use(matrices);
-  made.flat_prior_ = !made.cloud_.prior.is_mixture();
-  for (std::uint32_t j = 0; j < made.d_; ++j)
-    made.flat_prior_ = made.flat_prior_ && made.cloud_.prior.marginal(j).kind == tiller_prior_uniform;
   *c = made;
+  c->sums_.bind(c->ring_, c->evidence_);
   c->reset();
   return c;
 }
@@ -86,148 +33,172 @@ TransitionCloud* TransitionCloud::lay_out(Arena& arena, const tiller_config_t& c
 void TransitionCloud::reset(double keep) {
   keep_ = keep;
   evidence_.believe_configuration();
-  for (std::uint32_t r = 0; r < nx_; ++r) noise_variance_[r] = calm_variance_[r] = evidence_.configured_variance(r);
+  for (std::uint32_t r = 0; r < evidence_.nx(); ++r)
+    noise_variance_[r] = calm_variance_[r] = evidence_.configured_variance(r);
   begin();
 }
 
 void TransitionCloud::restart() {
   evidence_.believe(calm_variance_, kNoiseWorth);
-  for (std::uint32_t r = 0; r < nx_; ++r) noise_variance_[r] = calm_variance_[r];
+  std::memcpy(noise_variance_, calm_variance_, sizeof noise_variance_);
   begin();
 }
 
 void TransitionCloud::begin() {
-  cloud_.draw_prior();
-  load_params();
-  std::memset(total_, 0, sizeof(double) * rows_ * n_);
-  std::memset(ring_sums_, 0, sizeof(double) * rows_ * n_);
-  std::memset(log_likelihood_, 0, sizeof(double) * n_);
+  particles_.draw_prior();
+  tempering_ = {};
   evidence_.clear();
-  summary_.clear();
-  discrepancy_begun_ = false;
-  begin_ = end_ = batch_ = tick_ = 0;
-  begun_at_ = again_ = again_end_ = 0;
-  exponent_ = robust_weight_ = 1.0;
-  acceptance_ = log_predictive_ = discrepancy_share_ = 0.0;
-  cursor_ = moved_ = doubted_run_ = 0;
-  resamplings_ = outliers_ = lost_ = work_ = 0;
-}
-
-void TransitionCloud::load_params() {
-  for (std::size_t i = 0; i < std::size_t{np_} * n_; ++i) params_[i] = static_cast<float>(cloud_.params[i]);
+  ring_.clear();
+  sums_.begin_tick();
+  discrepancy_.clear();
+  robust_.clear();
+  moves_.reset();
+  past_.clear();
+  tick_ = 0;
+  log_predictive_ = discrepancy_share_ = 0.0;
 }
 
 tiller_status_t TransitionCloud::update(const MeasuredStep& step, bool follows) {
-  work_ = 0;
+  sums_.begin_tick();
   remember(step, follows);
-  const std::uint32_t slot = static_cast<std::uint32_t>((end_ - 1) % capacity_);
-  std::memset(fresh_, 0, sizeof(double) * rows_ * n_);
-  sum({{params_, n_}, n_, slot, 1, fresh_, n_});
+  particles_.clear_fresh();
+  sums_.sum_fresh(particles_, ring_.end() - 1, ring_.end());
   if (!any_alive()) {
-    --end_;
+    ring_.drop_newest();
     return tiller_status_posterior_degenerate;
   }
   ++tick_;
-  if (columns_ > 0) whiten_basis(slot);
-  if (config_->posterior.adequacy) measure_innovation(slot);
-  robust_weight_ = config_->posterior.robust ? find_robust_weight(slot) : 1.0;
-  set_weight(slot, robust_weight_);
+  const float* const whitened = discrepancy_.whiten(data());
+  if (config_->posterior.adequacy) measure_innovation(whitened);
+  const double weight = robust_.find(data(), whitened);
+  ring_.set_weight(ring_.newest(), weight);
   forget();
   const double before = evidence_.log_constant();
-  evidence_.count(counted(slot));
+  evidence_.count(ring_.counted(ring_.newest()));
   evidence_.prepare();
-  const std::uint32_t all = rows_ * n_;
-  transition_table().add_scaled(all, robust_weight_, fresh_, total_);
-  transition_table().add_scaled(all, robust_weight_, fresh_, ring_sums_);
-  keep_discrepancy();
+  particles_.add_fresh(weight);
+  discrepancy_.keep(data());
   take_evidence(evidence_.log_constant() - before);
-  if (config_->posterior.enabled && config_->posterior.moves_per_tick && d_) move();
-  retire();
+  if (config_->posterior.enabled && config_->posterior.moves_per_tick && particles_.cloud.d) move();
+  past_.retire(data(), converged());
   measure_noise();
-  return exponent_ < 1.0 ? tiller_status_tempered : tiller_status_ok;
+  return exponent() < 1.0 ? tiller_status_tempered : tiller_status_ok;
+}
+
+/// A glitch tells nothing of what comes after it.
+void TransitionCloud::remember(const MeasuredStep& step, bool follows) {
+  const std::uint32_t slot = ring_.push(step);
+  discrepancy_.set_basis(data(), slot);
+  if (follows && ring_.end() >= 2 && robust_.weight() == 1.0) ring_.link(slot, evidence_);
 }
 
 /// Whether a particle with weight has a finite residual; the others' sums are left to temper(), or to stay where the
 /// cloud is frozen.
 bool TransitionCloud::any_alive() {
-  transition_table().find_broken(n_, rows_, fresh_, base_);
+  const std::uint32_t n = particles_.n(), rows = particles_.rows;
+  transition_table().find_broken(n, rows, particles_.fresh, particles_.base);
   bool any = false;
-  for (std::uint32_t i = 0; i < n_; ++i) {
-    const bool finite = base_[i] == 0.0;
-    any = any || (finite && cloud_.weight[i] > 0.0);
-    for (std::uint32_t r = 0; r < rows_ && !finite && !config_->posterior.enabled; ++r) fresh_[r * n_ + i] = 0.0;
+  for (std::uint32_t i = 0; i < n; ++i) {
+    const bool finite = particles_.base[i] == 0.0;
+    any = any || (finite && particles_.cloud.weight[i] > 0.0);
+    for (std::uint32_t r = 0; r < rows && !finite && !config_->posterior.enabled; ++r)
+      particles_.fresh[r * n + i] = 0.0;
   }
   return any;
-}
-
-/// A glitch tells nothing of what comes after it.
-void TransitionCloud::link(std::uint32_t slot, bool follows) {
-  const std::uint32_t before = slot_before(slot), pushed_count = evidence_.pushed_count();
-  const bool whole = follows && end_ >= 2 && robust_weight_ == 1.0;
-  for (std::uint32_t j = 0; j < pushed_count; ++j) {
-    const bool there = whole && weight_[before * nx_ + evidence_.pushed(j)] > 0.0f;
-    linked_[slot * pushed_count + j] = there ? 1.0f : 0.0f;
-  }
-}
-
-bool TransitionCloud::linked(std::uint32_t slot) const {
-  bool any = false;
-  for (std::uint32_t j = 0; j < evidence_.pushed_count(); ++j)
-    any = any || linked_[slot * evidence_.pushed_count() + j] > 0.0f;
-  return any;
-}
-
-Evidence::Counted TransitionCloud::counted(std::uint32_t slot) const {
-  return {weight_ + slot * nx_, basis_ + slot * columns_, linked_ + slot * evidence_.pushed_count(),
-          basis_ + slot_before(slot) * columns_};
-}
-
-void TransitionCloud::remember(const MeasuredStep& step, bool follows) {
-  const std::uint32_t slot = static_cast<std::uint32_t>(end_++ % capacity_);
-  MeasuredStep& to = steps_[slot];
-  to = step;
-  const std::uint32_t row = setup_.delay_steps * nu_;
-  to.history = nullptr;
-  if (row) {
-    std::memcpy(history_ + std::size_t{slot} * row, step.history, sizeof(double) * row);
-    to.history = history_ + std::size_t{slot} * row;
-  }
-  set_weight(slot, 1.0);
-  set_basis(slot);
-  link(slot, follows);
-}
-
-void TransitionCloud::set_weight(std::uint32_t slot, double weight) {
-  steps_[slot].weight = weight;
-  for (std::uint32_t r = 0; r < nx_; ++r)
-    weight_[slot * nx_ + r] = std::isnan(steps_[slot].change[r]) ? 0.0f : static_cast<float>(weight);
 }
 
 /// Every sum of squares loses its share; the newest transition, already in the ring, does not.
 void TransitionCloud::forget() {
   if (keep_ == 1.0) return;
   evidence_.forget(keep_);
-  summary_.forget(keep_);
-  for (std::size_t i = 0; i < std::size_t{rows_} * n_; ++i) {
-    total_[i] *= keep_;
-    ring_sums_[i] *= keep_;
-  }
-  for (std::uint64_t k = begin_; k + 1 < end_; ++k)
-    set_weight(static_cast<std::uint32_t>(k % capacity_), steps_[k % capacity_].weight * keep_);
+  past_.forget(keep_);
+  particles_.forget(keep_);
+  for (std::uint64_t k = ring_.begin(); k + 1 < ring_.end(); ++k)
+    ring_.set_weight(ring_.slot(k), ring_.steps(ring_.slot(k))->weight * keep_);
 
   // the weights are those of what is left, before the new residual counts: its predictive density is taken under them
+  TransitionParticles& p = particles_;
   evidence_.prepare();
-  evidence_.log_likelihood(n_, total_, n_, gain_);
-  transition_table().split_weights(n_, cloud_.log_weight, log_likelihood_, exponent_, gain_, base_, gain_);
-  cloud_.set_weights(base_, gain_, exponent_);
-  std::memcpy(log_likelihood_, gain_, sizeof(double) * n_);
+  evidence_.log_likelihood(p.n(), p.total, p.n(), p.gain);
+  p.split_weights(exponent(), p.gain, p.gain);
+  p.cloud.set_weights(p.base, p.gain, exponent());
+  std::memcpy(p.log_likelihood, p.gain, sizeof(double) * p.n());
+}
+
+/// Sweeps while the work lasts: a short ring is cheap, so early on a tick may sweep the whole cloud and raise the
+/// exponent more than once. Once the cloud has been swept at the full exponent, moves_per_tick is enough.
+void TransitionCloud::move() {
+  const std::uint32_t per_tick = config_->posterior.moves_per_tick, more = sums_.steps_of_one() - 1;
+  const std::uint64_t budget = std::uint64_t{per_tick} * (config_->posterior.window + kProposalWork);
+  // less what was spent beyond the one transition of an ordinary tick
+  const std::uint64_t spent = sums_.work() - std::uint64_t{particles_.n()} * (1 + more);
+  std::uint64_t left = budget > spent ? budget - spent : 0;
+  const std::uint64_t cost = ring_.size() + more + kProposalWork;
+  std::uint32_t done = 0;
+  for (;;) {
+    std::uint64_t moves = left / cost;
+    if (moves > particles_.n() / 2) moves = particles_.n() / 2;
+    if (converged()) {
+      if (done >= per_tick) return;
+      if (moves > per_tick - done) moves = per_tick - done;
+    }
+    moves = moves / 8 * 8;
+    if (moves == 0) return;
+    moves_.move(data(), past_.summary(), tempering_, static_cast<std::uint32_t>(moves));
+    done += static_cast<std::uint32_t>(moves);
+    left -= moves * cost;
+    if (exponent() < 1.0 && tempering_.swept(particles_.cloud)) raise();
+  }
 }
 
 std::uint64_t TransitionCloud::work_limit() const {
   const tiller_posterior_config_t& p = config_->posterior;
   std::uint64_t moves = std::uint64_t{p.moves_per_tick} * (p.window + kProposalWork);
-  if (columns_ > 0 && moves < renewal_work()) moves = renewal_work();
-  return (std::uint64_t{3} * n_ + 4 * summary_.design().points()) * steps_of_one_ + moves;
+  const std::uint64_t renewal = Discrepancy::work_limit(particles_.n());
+  if (evidence_.columns() > 0 && moves < renewal) moves = renewal;
+  return (std::uint64_t{3} * particles_.n() + 4 * past_.summary().design().points()) * sums_.steps_of_one() + moves;
+}
+
+/// What the adequacy test is fed with: the newest transition, normalised by what the noise and the particles'
+/// disagreement let expect; before it is counted. The witnesses' mean is off by an eighth of what the particles disagree
+/// about, which is part of the deviation by which it is divided. Cost: O(kSubsample nx).
+void TransitionCloud::measure_innovation(const float* whitened) {
+  const TransitionParticles& p = particles_;
+  const MeasuredStep& step = *ring_.steps(ring_.newest());
+  for (std::uint32_t r = 0; r < evidence_.nx(); ++r) {
+    innovation_[r] = NAN;
+    if (std::isnan(step.change[r])) continue;
+    double weight = 0.0, mean = 0.0, square = 0.0, within = 0.0;
+    for (std::uint32_t i = 0; i < p.n(); i += p.sample_stride()) {
+      const double w = p.cloud.weight[i], raw = sums_.newest(p.n(), i, r);
+      if (!(w > 0.0) || !std::isfinite(raw)) continue;
+      const double e = evidence_.innovation(p.total + i, p.n(), r, raw, whitened);
+      weight += w;
+      mean += w * e;
+      square += w * e * e;
+      within += w * evidence_.scale_square(p.total + i, p.n(), r, whitened);
+    }
+    if (!(weight > 0.0)) continue;
+    mean /= weight;
+    const double between = std::fmax(0.0, square / weight - mean * mean);
+    innovation_[r] = mean / std::sqrt(within / weight + between);
+  }
+}
+
+void TransitionCloud::measure_noise() {
+  // particles differ by less than colours do: few speak for all
+  constexpr std::uint32_t kSpeakers = 16;
+  const TransitionParticles& p = particles_;
+  double left[TILLER_MAX_STATES], before[TILLER_MAX_STATES];
+  evidence_.lead(p.n(), p.total, p.n(), p.cloud.weight, p.n() > kSpeakers ? p.n() / kSpeakers : 1);
+  if (!evidence_.mean_errors(p.n(), p.total, p.n(), p.cloud.weight, left, before)) return;
+  discrepancy_share_ = 0.0;
+  for (std::uint32_t r = 0; r < evidence_.nx(); ++r) {
+    noise_variance_[r] = evidence_.noise_variance(left[r], r);
+    calm_variance_[r] = std::fmin(noise_variance_[r], kNoiseGrowth * calm_variance_[r]);
+    if (before[r] > 0.0 && 1.0 - left[r] / before[r] > discrepancy_share_)
+      discrepancy_share_ = 1.0 - left[r] / before[r];
+  }
 }
 
 }  // namespace tiller

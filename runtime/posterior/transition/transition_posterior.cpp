@@ -13,7 +13,7 @@ TransitionPosterior* TransitionPosterior::lay_out(Arena& arena, const tiller_con
   const std::uint32_t nx = config.model->state_count, nu = config.model->input_count, np = config.param_count;
   auto* p = arena.take<TransitionPosterior>(1);
   auto* particles = TransitionCloud::lay_out(arena, config, setup, table, hooks);
-  auto* history = arena.take<double>(kHistory * nu);
+  const InputHistory inputs = InputHistory::lay_out(arena, config);
   auto* lane_params = arena.take<double>(np * kLanePadding);
   auto* lane_state = arena.take<double>(nx * kLanePadding);
   const bool tested = config.posterior.adequacy != 0 && config.posterior.enabled != 0;
@@ -28,7 +28,7 @@ TransitionPosterior* TransitionPosterior::lay_out(Arena& arena, const tiller_con
   p->np_ = np;
   p->enabled_ = config.posterior.enabled != 0;
   p->particles_ = particles;
-  p->input_history_ = history;
+  p->inputs_ = inputs;
   p->lane_params_ = lane_params;
   p->lane_state_ = lane_state;
   p->adequacy_ = adequacy;
@@ -85,8 +85,7 @@ tiller_status_t TransitionPosterior::start(const double* measured) {
     state_[r] = there ? measured[k] : config_->initial_state[r];
     unseen_variance_[r] = there ? 0.0 : config_->initial_state_sd[r] * config_->initial_state_sd[r];
   }
-  for (std::uint32_t i = 0; i < kHistory; ++i)
-    for (std::uint32_t j = 0; j < nu_; ++j) input_history_[i * nu_ + j] = config_->safety.safe_command[j];
+  inputs_.begin(config_->safety.safe_command);
   if (adequacy_) adequacy_->begin();
   disturbances_.begin();
   for (double& speed : speed_) speed = 0.0;
@@ -102,7 +101,7 @@ tiller_status_t TransitionPosterior::skip(const Transition& transition) {
   if (refusal != tiller_status_ok) return refusal;
   predict(transition);
   complete_ = counted_ = false;
-  remember_input(transition.input);
+  inputs_.push(transition.input);
   return tiller_status_ok;
 }
 
@@ -127,7 +126,7 @@ tiller_status_t TransitionPosterior::update(const Transition& transition) {
   if (complete_ && any && !resting) {
     std::memcpy(step.input, transition.input, sizeof step.input);
     step.period_s = transition.period_s;
-    step.history = input_history_;
+    step.history = inputs_.rows();
     status = particles_->update(step, counted_before);
     counted_ = status != tiller_status_posterior_degenerate;
     log_predictive_ = status == tiller_status_posterior_degenerate ? -INFINITY : particles_->log_predictive();
@@ -143,7 +142,7 @@ tiller_status_t TransitionPosterior::update(const Transition& transition) {
     unseen_variance_[r] = 0.0;
   }
   complete_ = all;
-  remember_input(transition.input);
+  inputs_.push(transition.input);
   return status;
 }
 
@@ -161,7 +160,7 @@ void TransitionPosterior::predict(const Transition& transition) {
   job.state = {state_, 0};
   job.params = {lane_params_, kLanePadding};
   job.controls = {transition.input, 0};
-  job.history = input_history_;
+  job.history = inputs_.rows();
   job.final_state = lane_state_;
   table_->rollout_f64(*config_->model, job);
   for (std::uint32_t r = 0; r < nx_; ++r) {
@@ -174,25 +173,17 @@ void TransitionPosterior::predict(const Transition& transition) {
 /// Measured states forget nothing over a step, so a disturbance stands in one innovation and no other.
 void TransitionPosterior::test(const MeasuredStep& step) {
   Innovation now;
-  double phi[TILLER_MAX_MEASUREMENTS][kMaxDisturbances];
   const bool doubted = particles_->robust_weight() < 1.0;
   for (std::uint32_t k = 0; k < nx_; ++k) {
     now.normalised[k] = doubted ? NAN : particles_->innovation()[config_->measured_state[k]];
   }
   // speeds of the step before: the noise of the state where this step begins is in its innovation too
-  disturbances_.observe(nx_, nu_, speed_, nullptr, step.input, phi);
+  disturbances_.observe(nx_, nu_, speed_, nullptr, step.input, now.response);
   for (std::uint32_t k = 0; k < nx_; ++k) {
     const std::uint32_t r = config_->measured_state[k], rate = velocity_state(*config_->model, r);
     speed_[k] = rate < nx_ ? step.state[rate] : step.state[r];
   }
-  for (std::uint32_t k = 0; k < nx_; ++k)
-    for (std::uint32_t f = 0; f < disturbance_count(nu_); ++f) now.response[k][f] = phi[k][f];
   adequacy_->take(now);
-}
-
-void TransitionPosterior::remember_input(const double* input) {
-  std::memmove(input_history_ + nu_, input_history_, sizeof(double) * (kHistory - 1) * nu_);
-  std::memcpy(input_history_, input, sizeof(double) * nu_);
 }
 
 void TransitionPosterior::moments(double* param_mean, double* param_sd, double* state_mean, double* state_sd) const {
@@ -231,8 +222,7 @@ void TransitionPosterior::draw(std::uint32_t count, std::uint64_t tick, float* p
   }
   for (std::uint32_t r = 0; r < nx_ && state; ++r)
     for (std::uint32_t m = 0; m < count; ++m) state[r * count + m] = static_cast<float>(state_[r] - origin()[r]);
-  for (std::uint32_t i = 0; i < setup_.delay_steps * nu_ && history; ++i)
-    history[i] = static_cast<float>(input_history_[i]);
+  inputs_.copy(setup_.delay_steps, history);
 }
 
 void TransitionPosterior::report(PosteriorReport& report) const {

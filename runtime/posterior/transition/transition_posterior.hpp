@@ -3,6 +3,7 @@
 #include <cstdint>
 
 #include "posterior/adequacy.hpp"
+#include "posterior/input_history.hpp"
 #include "posterior/posterior.hpp"
 #include "posterior/rest_guard.hpp"
 #include "posterior/transition/transition_cloud.hpp"
@@ -53,10 +54,7 @@ class TransitionPosterior final : public Posterior {
   const TransitionCloud& transitions() const { return *particles_; }
 
  private:
-  static constexpr std::uint32_t kHistory = TILLER_MAX_DELAY_STEPS + 2;
-
   void predict(const Transition& transition);
-  void remember_input(const double* input);
   void test(const MeasuredStep& step);
 
   const tiller_config_t* config_ = nullptr;
@@ -65,9 +63,9 @@ class TransitionPosterior final : public Posterior {
   std::uint32_t n_ = 0, nx_ = 0, nu_ = 0, np_ = 0;
   bool enabled_ = true;
   TransitionCloud* particles_ = nullptr;
-  double* input_history_ = nullptr;  // (kHistory x nu) newest first
-  double* lane_params_ = nullptr;    // (np x kLanePadding) scratch of predict()
-  double* lane_state_ = nullptr;     // (nx x kLanePadding)
+  InputHistory inputs_;
+  double* lane_params_ = nullptr;  // (np x kLanePadding) scratch of predict()
+  double* lane_state_ = nullptr;   // (nx x kLanePadding)
 
   AdequacyTest* adequacy_ = nullptr;            // null: not tested
   double speed_[TILLER_MAX_MEASUREMENTS] = {};  // of each channel's joint, where the last tested step began
