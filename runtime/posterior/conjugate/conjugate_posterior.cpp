@@ -3,7 +3,6 @@
 #include "posterior/conjugate/conjugate_posterior.hpp"
 
 #include <cmath>
-#include <cstring>
 
 namespace tiller {
 
@@ -23,7 +22,7 @@ ConjugatePosterior* ConjugatePosterior::lay_out(Arena& arena, const tiller_confi
   const Cloud cloud = Cloud::lay_out(arena, config);
   const std::uint32_t lanes = (cloud.d + kLanePadding) / kLanePadding * kLanePadding;  // d + 1, padded
   auto* standard = arena.take<double>(std::size_t{cloud.d} * cloud.n);
-  auto* input_history = arena.take<double>(kHistory * nu);
+  const InputHistory inputs = InputHistory::lay_out(arena, config);
   auto* params = arena.take<double>(std::size_t{np} * lanes);
   auto* next = arena.take<double>(std::size_t{nx} * lanes);
   // noise on the measurements makes one-step residuals alternate, and the posterior wrong: that counts
@@ -44,7 +43,7 @@ ConjugatePosterior* ConjugatePosterior::lay_out(Arena& arena, const tiller_confi
   p->cloud_ = cloud;
   p->prior_ = Whitening(cloud.prior, config);
   p->standard_ = standard;
-  p->input_history_ = input_history;
+  p->inputs_ = inputs;
   p->params_ = params;
   p->next_ = next;
   p->adequacy_ = adequacy;
@@ -114,8 +113,7 @@ tiller_status_t ConjugatePosterior::start(const double* measured) {
     state_variance_[i] = sd * sd;
     complete_ = complete_ && !missing;
   }
-  for (std::uint32_t i = 0; i < kHistory; ++i)
-    for (std::uint32_t j = 0; j < nu_; ++j) input_history_[i * nu_ + j] = config_->safety.safe_command[j];
+  inputs_.begin(config_->safety.safe_command);
   if (adequacy_) adequacy_->begin();
   disturbances_.begin();
   started_ = true;
@@ -130,7 +128,7 @@ tiller_status_t ConjugatePosterior::skip(const Transition& transition) {
   for (std::uint32_t k = 0; k < nx_; ++k) unseen.measured[k] = NAN;
   const bool usable = predict(unseen);
   settle(unseen);
-  remember_input(unseen.input);
+  inputs_.push(unseen.input);
   return usable ? tiller_status_ok : tiller_status_posterior_degenerate;
 }
 
@@ -147,13 +145,8 @@ tiller_status_t ConjugatePosterior::update(const Transition& transition) {
     place_particles();
   }
   settle(transition);
-  remember_input(transition.input);
+  inputs_.push(transition.input);
   return usable ? tiller_status_ok : tiller_status_posterior_degenerate;
-}
-
-void ConjugatePosterior::remember_input(const double* input) {
-  std::memmove(input_history_ + nu_, input_history_, sizeof(double) * (kHistory - 1) * nu_);
-  std::memcpy(input_history_, input, sizeof(double) * nu_);
 }
 
 /// Where the state goes at the prior's mean and one step along each direction; false if anywhere it is not finite.
@@ -165,7 +158,7 @@ bool ConjugatePosterior::predict(const Transition& transition) {
   job.state = {state_, 0};
   job.params = {params_, lanes_};
   job.control = {transition.input, 0};
-  job.history = input_history_;
+  job.history = inputs_.rows();
   job.next_state = next_;
   table_->linearise(*config_->model, job);
   bool finite = true;
@@ -209,7 +202,7 @@ void ConjugatePosterior::clear_adequacy() {
 /// over a step, so a disturbance stands in one innovation and no other.
 void ConjugatePosterior::test(const Transition& transition) {
   Innovation now;
-  double phi[TILLER_MAX_MEASUREMENTS][kMaxDisturbances], speed[TILLER_MAX_MEASUREMENTS];
+  double speed[TILLER_MAX_MEASUREMENTS];
   for (std::uint32_t k = 0; k < nx_; ++k) {
     const std::uint32_t i = config_->measured_state[k], rate = velocity_state(*config_->model, i);
     speed[k] = state_[rate < nx_ ? rate : i];
@@ -225,9 +218,7 @@ void ConjugatePosterior::test(const Transition& transition) {
     const double error = state_difference(*config_->model, i, transition.measured[k], mean);
     now.normalised[k] = config_->process_sd[i] > 0.0 ? error / std::sqrt(variance) : NAN;  // NaN where missing
   }
-  disturbances_.observe(nx_, nu_, speed, nullptr, transition.input, phi);
-  for (std::uint32_t k = 0; k < nx_; ++k)
-    for (std::uint32_t f = 0; f < disturbance_count(nu_); ++f) now.response[k][f] = phi[k][f];
+  disturbances_.observe(nx_, nu_, speed, nullptr, transition.input, now.response);
   adequacy_->take(now);
 }
 

@@ -4,6 +4,7 @@
 
 #include "posterior/cloud.hpp"
 #include "posterior/conjugate/scale_regression.hpp"
+#include "posterior/input_history.hpp"
 #include "posterior/posterior.hpp"
 
 namespace tiller {
@@ -59,8 +60,6 @@ class ConjugatePosterior final : public Posterior {
   void clear_adequacy() override;
 
  private:
-  static constexpr std::uint32_t kHistory = TILLER_MAX_DELAY_STEPS + 2;
-
   /// The prior's mean, and the root of its covariance: v = mean + root w with w ~ N(0, I).
   struct Whitening {
     double mean[TILLER_MAX_PARAMS] = {};
@@ -76,7 +75,6 @@ class ConjugatePosterior final : public Posterior {
   void learn(const Transition& transition);
   void test(const Transition& transition);
   void settle(const Transition& transition);
-  void remember_input(const double* input);
   void place_particles();
 
   // constant after lay_out
@@ -91,10 +89,10 @@ class ConjugatePosterior final : public Posterior {
 
   ScaleRegression regression_;
   Cloud cloud_;
-  double* standard_ = nullptr;       // (d x N) standardised draws
-  double* input_history_ = nullptr;  // (kHistory x nu) newest first
-  double* params_ = nullptr;         // (np x lanes) the prior's mean, then one step along each direction
-  double* next_ = nullptr;           // (nx x lanes) where they lead
+  double* standard_ = nullptr;  // (d x N) standardised draws
+  InputHistory inputs_;
+  double* params_ = nullptr;  // (np x lanes) the prior's mean, then one step along each direction
+  double* next_ = nullptr;    // (nx x lanes) where they lead
 
   double state_[TILLER_MAX_STATES] = {}, state_variance_[TILLER_MAX_STATES] = {};
   AdequacyTest* adequacy_ = nullptr;  // null: not tested

@@ -87,8 +87,7 @@ void ConjugatePosterior::draw(std::uint32_t count, std::uint64_t tick, float* pa
   }
   for (std::uint32_t i = 0; i < nx_ && state; ++i)
     for (std::uint32_t k = 0; k < count; ++k) state[i * count + k] = static_cast<float>(state_[i] - origin()[i]);
-  for (std::uint32_t i = 0; i < setup_.delay_steps * nu_ && history; ++i)
-    history[i] = static_cast<float>(input_history_[i]);
+  inputs_.copy(setup_.delay_steps, history);
 }
 
 void ConjugatePosterior::report(PosteriorReport& report) const {
