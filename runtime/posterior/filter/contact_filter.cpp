@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "posterior/filter/mixture_moments.hpp"
 #include "posterior/filter/outlier_gate.hpp"
 
 namespace tiller {
@@ -82,15 +83,11 @@ void ContactFilter::read(const LaneFilter& filter, double noise_scale, double* m
   for (std::uint32_t j = 0; j < disturbances.joints(); ++j) {
     const std::uint32_t state = filter.nx() + disturbances.force_state(j);
     const std::uint32_t row = triangle_row(chunk_->nf, state, state);
-    double sum = 0.0, square = 0.0, within = 0.0;
-    for (std::uint32_t l = 0; l < kLanes; ++l) {
-      const double force = chunk_->filter.state[state * kLanes + l];
-      sum += force / kLanes;
-      square += force * force / kLanes;
-      within += chunk_->filter.covariance[row * kLanes + l] / kLanes;
-    }
-    mean[j] = sum;
-    sd[j] = std::sqrt(std::fmax(0.0, square - sum * sum) + noise_scale * noise_scale * std::fmax(0.0, within));
+    MixtureMoments all;
+    for (std::uint32_t l = 0; l < kLanes; ++l)
+      all.add(1.0 / kLanes, chunk_->filter.state[state * kLanes + l], chunk_->filter.covariance[row * kLanes + l]);
+    mean[j] = all.mean;
+    sd[j] = all.deviation(noise_scale);
   }
 }
 

@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "posterior/filter/filter_estimate.hpp"
+#include "posterior/filter/mixture_moments.hpp"
 #include "rollout/turn.hpp"
 #include "tiller/math.hpp"
 
@@ -67,16 +68,15 @@ Posterior::Fading FilterEstimate::forces(double ahead_s, double* mean, double* s
     const std::uint32_t state = nx() + p_.disturbances->force_state(j);
     const double* wandering = p_.state(state);
     const double* variance = p_.covariance(state, state);
-    double sum = 0.0, square = 0.0, within = 0.0;
+    MixtureMoments all;
     for (std::uint32_t k = 0; k < p_.n(); ++k) {
       const Turn<double> kept = DisturbanceStates::mean_kept(rate[k], turn[k], ahead_s);
       const double force = kept.along * wandering[k] - (turns ? kept.across * wandering[p_.n() + k] : 0.0);
-      sum += p_.weight(k) * force;
-      square += p_.weight(k) * force * force;
-      within += p_.weight(k) * (kept.along * kept.along + kept.across * kept.across) * variance[k];
+      all.add(p_.weight(k), force, 0.0);
+      all.within += p_.weight(k) * (kept.along * kept.along + kept.across * kept.across) * variance[k];
     }
-    if (mean) mean[j] = sum;
-    if (sd) sd[j] = deviation(sum, square, within);
+    if (mean) mean[j] = all.mean;
+    if (sd) sd[j] = all.deviation(noise_scale_);
     if (!imaginary) continue;
     imaginary[j] = 0.0;
     for (std::uint32_t k = 0; turns && k < p_.n(); ++k) imaginary[j] += p_.weight(k) * wandering[p_.n() + k];
@@ -133,14 +133,10 @@ Posterior::Friction FilterEstimate::friction() const {
       const std::uint32_t lacking = disturbances.force_state(j) + kind, state = nx() + lacking;
       if (!(disturbances.friction_variance(lacking, 1.0, 0.0) > 0.0)) return;
       const double *row = p_.state(state), *variance = p_.covariance(state, state);
-      double sum = 0.0, square = 0.0, within = 0.0;
-      for (std::uint32_t k = 0; k < p_.n(); ++k) {
-        sum += p_.weight(k) * row[k];
-        square += p_.weight(k) * row[k] * row[k];
-        within += p_.weight(k) * variance[k];
-      }
-      mean[j] = sum;
-      sd[j] = deviation(sum, square, within);
+      MixtureMoments all;
+      for (std::uint32_t k = 0; k < p_.n(); ++k) all.add(p_.weight(k), row[k], variance[k]);
+      mean[j] = all.mean;
+      sd[j] = all.deviation(noise_scale_);
     };
     read(DisturbanceStates::kViscous, told.viscous, told.viscous_sd);
     read(DisturbanceStates::kDry, told.dry, told.dry_sd);

@@ -2,15 +2,10 @@
 
 #include <cmath>
 
+#include "posterior/filter/mixture_moments.hpp"
 #include "rollout/attitude.hpp"
 
 namespace tiller {
-
-double FilterEstimate::deviation(double mean, double square, double within) const {
-  // far outside of any machine's range rounding can leave a variance below zero
-  const double own = within < 0.0 ? 0.0 : noise_scale_ * noise_scale_ * within;
-  return std::sqrt(std::fmax(0.0, square - mean * mean) + own);
-}
 
 /// Moments of quaternions, from the differences from one particle, in the last three of four states.
 void FilterEstimate::turn_moments(std::uint32_t about, double* state_mean, double* state_sd) const {
@@ -18,20 +13,19 @@ void FilterEstimate::turn_moments(std::uint32_t about, double* state_mean, doubl
   for_quaternions(p_.cloud.config->model->quaternion_mask, [&](std::uint32_t first) {
     const double* q = p_.state(first);
     const Quaternion<double> middle = read_quaternion(q + about, n);
-    double mean[3] = {}, between[3] = {}, within[3] = {};
+    MixtureMoments part[3];
     for (std::uint32_t k = 0; k < n; ++k) {
       const Vector3<double> d = attitude_difference(read_quaternion(q + k, n), middle);
       const double off[3] = {d.x, d.y, d.z};
-      for (std::uint32_t i = 0; i < 3; ++i) {
-        mean[i] += p_.weight(k) * off[i];
-        between[i] += p_.weight(k) * off[i] * off[i];
-        within[i] += p_.weight(k) * p_.covariance(first + 1 + i, first + 1 + i)[k];
-      }
+      for (std::uint32_t i = 0; i < 3; ++i)
+        part[i].add(p_.weight(k), off[i], p_.covariance(first + 1 + i, first + 1 + i)[k]);
     }
-    if (state_mean) write_quaternion(normalised(attitude_sum(middle, {mean[0], mean[1], mean[2]})), state_mean + first);
+    if (state_mean)
+      write_quaternion(normalised(attitude_sum(middle, {part[0].mean, part[1].mean, part[2].mean})),
+                       state_mean + first);
     if (!state_sd) return;
     state_sd[first] = 0.0;
-    for (std::uint32_t i = 0; i < 3; ++i) state_sd[first + 1 + i] = deviation(mean[i], between[i], within[i]);
+    for (std::uint32_t i = 0; i < 3; ++i) state_sd[first + 1 + i] = part[i].deviation(noise_scale_);
   });
 }
 
@@ -61,15 +55,11 @@ void FilterEstimate::moments(double* param_mean, double* param_sd, double* state
   for (std::uint32_t i = 0; i < nx(); ++i) {
     // about one particle, so that angles on both sides of the cut average rightly
     const double *row = p_.state(i), *variance = p_.covariance(i, i);
-    double mean = 0.0, within = 0.0, between = 0.0;
-    for (std::uint32_t k = 0; k < p_.n(); ++k) {
-      const double difference = state_difference(*p_.cloud.config->model, i, row[k], row[about]);
-      mean += p_.weight(k) * difference;
-      between += p_.weight(k) * difference * difference;
-      within += p_.weight(k) * variance[k];
-    }
-    if (state_mean) state_mean[i] = row[about] + mean;
-    if (state_sd) state_sd[i] = deviation(mean, between, within);
+    MixtureMoments all;
+    for (std::uint32_t k = 0; k < p_.n(); ++k)
+      all.add(p_.weight(k), state_difference(*p_.cloud.config->model, i, row[k], row[about]), variance[k]);
+    if (state_mean) state_mean[i] = row[about] + all.mean;
+    if (state_sd) state_sd[i] = all.deviation(noise_scale_);
   }
   turn_moments(about, state_mean, state_sd);
 }

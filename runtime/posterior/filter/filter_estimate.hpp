@@ -31,8 +31,6 @@ class FilterEstimate {
 
  private:
   std::uint32_t nx() const { return p_.nf - p_.disturbances->states(); }
-  /// Deviation of a mixture with this mean, mean square and mean variance within.
-  double deviation(double mean, double square, double within) const;
   void turn_moments(std::uint32_t about, double* state_mean, double* state_sd) const;
   void draw_mean(const double* origin, float* params, float* state, float* effect_state) const;
   double drift_spread(std::uint32_t drift, std::uint32_t particle) const;

@@ -23,9 +23,10 @@ class JumpBanks {
   static JumpBanks* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
                             const RolloutTable& table, const DisturbanceStates& disturbances, std::uint32_t d);
 
-  /// Nothing is told until a next begin: no lane knows where the robot is.
+  /// The filters have started again, and no lane knows where: nothing is reported until the banks begin again.
   void stop() { begun_ = false; }
-  /// The banks follow what they do not ask after; those that have not begun do, as the particles are.
+  /// After a tick that leaves the cloud settled: begins the banks if they have not begun, and takes the means of what
+  /// they do not test.
   void follow(const FilterParticles& particles, double noise_scale);
   /// A transition, as the particles take it.
   void step(const LaneFilter& filter, const Observation& seen, double elapsed_s, double noise_scale);
