@@ -98,6 +98,22 @@ function(tiller_library name)
   set_property(GLOBAL APPEND PROPERTY TILLER_RUNTIME_TARGETS ${target})
 endfunction()
 
+# tiller_catalogue(folder macro): <folder>/catalogue.hpp, which includes the header of every line of
+# tiller/<folder>.def: one more of its kind is one header and one line.
+function(tiller_catalogue folder macro)
+  set(def ${PROJECT_SOURCE_DIR}/runtime/include/tiller/${folder}.def)
+  set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${def})
+  file(STRINGS ${def} lines REGEX "^${macro}\\(")
+  set(includes "#pragma once\n#include \"tiller/scalar.hpp\"\n")
+  foreach(line IN LISTS lines)
+    string(REGEX REPLACE "^${macro}\\(([a-z0-9_]+),.*" "\\1" name "${line}")
+    string(APPEND includes "#include \"${folder}/${name}.hpp\"\n")
+  endforeach()
+  set(header ${PROJECT_BINARY_DIR}/generated/${folder}/${folder}/catalogue.hpp)
+  file(CONFIGURE OUTPUT ${header} CONTENT "${includes}" @ONLY)
+  install(FILES ${header} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/tiller/runtime/${folder})
+endfunction()
+
 # tiller_include_root(result folder): a folder of links, in the build, through which the headers of this one folder of
 # the tree are included by their path.
 function(tiller_include_root result folder)

@@ -139,13 +139,13 @@ const CostRow kCostRows[] = {
      }},
     {"one obstacle",
      [](tiller::Config& c) {
-       c.cost.obstacle_count = 1;
-       c.obstacles[0] = {0, 1, 0.0, 0.0, 1.0, 1.0};
+       c.cost.term_count = 1;
+       c.terms[0] = {tiller_cost_term_obstacles, {0, 1}, 0, 1.0, {0.0, 0.0, 1.0}};
      }},
     {"eight obstacles",
      [](tiller::Config& c) {
-       c.cost.obstacle_count = 8;
-       for (tiller_obstacle_t& o : c.obstacles) o = {0, 1, 0.0, 0.0, 1.0, 1.0};
+       c.cost.term_count = 8;
+       for (tiller_cost_term_t& t : c.terms) t = {tiller_cost_term_obstacles, {0, 1}, 0, 1.0, {0.0, 0.0, 1.0}};
      }},
     {"reference",
      [](tiller::Config& c) {

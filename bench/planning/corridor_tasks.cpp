@@ -253,9 +253,13 @@ CorridorTask gates_task() {
   bound(c, 1, kCeiling_m - kMargin_m, 1e5);
   weigh(c, {10.0, 10.0, 0.5, 0.5, 1.0, 1.0, 0.05, 0.1}, {100.0, 100.0, 5.0, 5.0, 10.0, 10.0, 0.5, 1.0}, 0.001);
   t.reference = gates_reference(c.period_s, kGoal_m, 0.5 * c.priors[3].a);
-  c.cost.obstacle_count = GatePosts::kCount;
+  c.cost.term_count = GatePosts::kCount;
   for (std::uint32_t i = 0; i < GatePosts::kCount; ++i)
-    c.obstacles[i] = {0, 1, GatePosts::x_m[i], GatePosts::z_m[i], GatePosts::kRadius_m + kRadius_m + kMargin_m, 1e5};
+    c.terms[i] = {tiller_cost_term_obstacles,
+                  {0, 1},
+                  0,
+                  1e5,
+                  {GatePosts::x_m[i], GatePosts::z_m[i], GatePosts::kRadius_m + kRadius_m + kMargin_m}};
   t.outputs = {{0.0, 0.0, 0.0, kLoadRadius_m + kMargin_m, kInf, 1e5}};
   t.at_goal = [](const double* x) { return std::hypot(x[0] - kGoal_m, x[1]) < 0.15 && std::hypot(x[4], x[5]) < 0.3; };
   t.clearance = [](const double* x, const double* params) {
@@ -315,7 +319,7 @@ bool override_setting(CorridorTask& task, const std::string& key, double value) 
       {"penalty",
        [](Task& t, double v) {
          for (tiller_output_cost_t& o : t.outputs) o.bound_weight = v;
-         for (tiller_obstacle_t& o : t.config.obstacles) o.weight = v;
+         for (tiller_cost_term_t& term : t.config.terms) term.weight = v;
          for (double& w : t.config.bound_weight) w = w > 0.0 ? v : 0.0;
        }},
   };

@@ -35,9 +35,13 @@ void take_obstacles(MinimaProblem& problem, const toml::table& table) {
   const toml::array* rows = table["obstacles"].as_array();
   for (std::size_t i = 0; rows && i < rows->size(); ++i) {
     const std::vector<double> o = numbers(toml::node_view<const toml::node>(rows->get(i)));
-    if (o.size() != 6 || i == TILLER_MAX_OBSTACLES) refuse(problem.name, "obstacles");
-    c.obstacles[i] = {static_cast<std::uint32_t>(o[0]), static_cast<std::uint32_t>(o[1]), o[2], o[3], o[4], o[5]};
-    c.cost.obstacle_count = static_cast<std::uint32_t>(i) + 1;
+    if (o.size() != 6 || i == TILLER_MAX_COST_TERMS) refuse(problem.name, "obstacles");
+    c.terms[i] = {tiller_cost_term_obstacles,
+                  {static_cast<std::uint32_t>(o[0]), static_cast<std::uint32_t>(o[1])},
+                  0,
+                  o[5],
+                  {o[2], o[3], o[4]}};
+    c.cost.term_count = static_cast<std::uint32_t>(i) + 1;
   }
 }
 

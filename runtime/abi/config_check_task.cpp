@@ -1,6 +1,7 @@
 #include "abi/check_parts.hpp"
 #include "core/bits.hpp"
 #include "core/element.hpp"
+#include "costs/cost_term_info.hpp"
 #include "executive/demonstration_divergence.hpp"
 #include "planners/mcts_tree.hpp"
 #include "planners/planner.hpp"
@@ -56,16 +57,26 @@ Finding check_attitudes(const tiller_cost_config_t& c, const tiller_model_t& mod
   return finding;
 }
 
-Finding check_obstacles(const tiller_cost_config_t& c, std::uint32_t states) {
-  static constexpr auto fields = element_names<TILLER_MAX_OBSTACLES>("cost.obstacles");
-  if (c.obstacle_count > TILLER_MAX_OBSTACLES) return {tiller_status_bad_cost, "cost.obstacle_count"};
-  if (c.obstacle_count > 0 && c.obstacles == nullptr) return {tiller_status_null_argument, "cost.obstacles"};
-  for (std::uint32_t i = 0; i < c.obstacle_count; ++i) {
-    const tiller_obstacle_t& o = c.obstacles[i];
-    const bool plane = o.x_state < states && o.y_state < states && o.x_state != o.y_state;
-    const bool circle = is_value(o.x_m) && is_value(o.y_m) && is_scale(o.radius_m);
-    if (!plane || !circle || !is_weight(o.weight)) return {tiller_status_bad_cost, fields[i]};
+/// A term's states and parameters, as its kind says.
+bool is_good_term(const tiller_cost_term_t& term, std::uint32_t states) {
+  if (term.kind >= tiller_cost_term_kind_count || !is_weight(term.weight)) return false;
+  const CostTermInfo& info = cost_term_info(term.kind);
+  for (std::uint32_t i = 0; i < info.state_count; ++i) {
+    if (term.states[i] >= states) return false;
+    for (std::uint32_t j = 0; j < i; ++j)
+      if (term.states[i] == term.states[j]) return false;
   }
+  for (std::uint32_t i = 0; i < info.param_count; ++i)
+    if (!in(term.params[i], info.params[i].low, info.params[i].high)) return false;
+  return true;
+}
+
+Finding check_terms(const tiller_cost_config_t& c, std::uint32_t states) {
+  static constexpr auto fields = element_names<TILLER_MAX_COST_TERMS>("cost.terms");
+  if (c.term_count > TILLER_MAX_COST_TERMS) return {tiller_status_bad_cost, "cost.term_count"};
+  if (c.term_count > 0 && c.terms == nullptr) return {tiller_status_null_argument, "cost.terms"};
+  for (std::uint32_t i = 0; i < c.term_count; ++i)
+    if (!is_good_term(c.terms[i], states)) return {tiller_status_bad_cost, fields[i]};
   return kGood;
 }
 
@@ -156,7 +167,7 @@ Finding check_cost(const tiller_config_t& c) {
   Finding finding = check_state_terms(c.cost, states);
   if (finding.status == tiller_status_ok) finding = check_divergence(c.cost, *c.model);
   if (finding.status == tiller_status_ok) finding = check_attitudes(c.cost, *c.model);
-  if (finding.status == tiller_status_ok) finding = check_obstacles(c.cost, states);
+  if (finding.status == tiller_status_ok) finding = check_terms(c.cost, states);
   if (finding.status == tiller_status_ok) finding = check_rows(c.cost, *c.model);
   if (finding.status == tiller_status_ok) finding = check_outputs(c.cost, *c.model);
   if (finding.status == tiller_status_ok) finding = check_own(c.cost);

@@ -55,7 +55,7 @@ void keep_arrays(Arena& arena, tiller_config_t& c) {
   const std::size_t nx = c.model->state_count, nu = c.model->input_count, ny = c.measurement_count;
   (void)keep(arena, c.effects, c.effect_count);
   (void)keep(arena, c.priors, c.param_count);
-  (void)keep(arena, c.cost.obstacles, c.cost.obstacle_count);
+  (void)keep(arena, c.cost.terms, c.cost.term_count);
   (void)keep(arena, c.safety.cones, c.safety.cone_count);
   // the block is as large where one of these is left out: what that means is then written down
   const struct {

@@ -63,7 +63,7 @@ struct Sampler {
   std::uint64_t seed = 0;
   CostTerms<float> cost_terms{};
   CostFrame frame;
-  bool penalised = false;  // by bounds or obstacles, which cost_terms then leaves to the rollouts' penalties
+  bool penalised = false;  // by bounds or penalty terms, which cost_terms then leaves to the rollouts' penalties
   InputLimit limits[TILLER_MAX_INPUTS];
   double noise_sd[TILLER_MAX_INPUTS] = {};  // of the samples
   InputCones cones;

@@ -34,7 +34,7 @@ struct Sizes {
   bool mixed, penalised, closed, branching, noisy;
 };
 
-constexpr std::uint32_t kPenalties = kCostBounds | kCostObstacles | kCostOutputBounds;
+constexpr std::uint32_t kPenalties = kCostBounds | kCostPenaltyTerms | kCostOutputBounds;
 
 Sizes measure(const tiller_config_t& config, const StepSetup& setup, const SamplingMethod& method) {
   const tiller_planner_config_t& p = config.planner;

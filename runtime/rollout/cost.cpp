@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "core/element.hpp"
+#include "costs/cost_term_info.hpp"
 #include "rollout/cost_to_go.hpp"
 #include "rollout/rollout.hpp"
 #include "rollout/turns.hpp"
@@ -16,8 +17,6 @@ std::uint32_t present_terms(const tiller_cost_config_t& cost, std::uint32_t stat
   if (cost.saturating_weight > 0.0) terms |= kCostSaturating;
   for (std::uint32_t i = 0; i < states; ++i)
     if (element_or(cost.bound_weight, i, 0.0) > 0.0) terms |= kCostBounds;
-  for (std::uint32_t k = 0; k < cost.obstacle_count; ++k)
-    if (cost.obstacles[k].weight > 0.0) terms |= kCostObstacles;
   if (cost.demonstration_weight > 0.0 && cost.demonstration_mean && cost.demonstration_root &&
       cost.demonstration_steps > 0)
     terms |= kCostDemonstration;
@@ -95,6 +94,33 @@ template bool take_steady<double>(const tiller_cost_config_t&, std::uint32_t, st
                                   const double*, const double*, CostTerms<double>&);
 
 template <class T>
+void take_catalogue(const tiller_cost_config_t& cost, const double* origin, CostTerms<T>& terms) {
+  std::uint8_t count = 0;
+  const auto take = [&](bool penalties) {
+    for (std::uint32_t k = 0; k < cost.term_count && k < TILLER_MAX_COST_TERMS; ++k) {
+      const tiller_cost_term_t& from = cost.terms[k];
+      if (from.kind >= tiller_cost_term_kind_count) continue;  // tiller_config_check refuses it
+      const CostTermInfo& info = cost_term_info(from.kind);
+      if (!(from.weight > 0.0) || info.penalty != penalties) continue;
+      CatalogueTerm<T>& to = terms.terms[count++];
+      to.kind = from.kind;
+      to.weight = static_cast<T>(from.weight);
+      for (std::uint32_t i = 0; i < info.state_count; ++i) to.states[i] = static_cast<std::uint8_t>(from.states[i]);
+      for (std::uint32_t i = 0; i < info.param_count; ++i) {
+        const int of = info.params[i].of_state;
+        to.params[i] = static_cast<T>(from.params[i] - (origin && of >= 0 ? origin[from.states[of]] : 0.0));
+      }
+    }
+  };
+  take(true);
+  terms.penalty_count = count;
+  take(false);
+  terms.term_count = count;
+}
+template void take_catalogue<float>(const tiller_cost_config_t&, const double*, CostTerms<float>&);
+template void take_catalogue<double>(const tiller_cost_config_t&, const double*, CostTerms<double>&);
+
+template <class T>
 CostTerms<T> make_cost_terms(const tiller_cost_config_t& cost, std::uint32_t states) {
   CostTerms<T> terms{};
   take_states(cost, states, terms);
@@ -104,16 +130,9 @@ CostTerms<T> make_cost_terms(const tiller_cost_config_t& cost, std::uint32_t sta
   }
   terms.extra = present_terms(cost, states);
   terms.saturating_weight = static_cast<T>(cost.saturating_weight);
-  for (std::uint32_t k = 0; k < cost.obstacle_count && k < TILLER_MAX_OBSTACLES; ++k) {
-    const tiller_obstacle_t& o = cost.obstacles[k];
-    if (!(o.weight > 0.0)) continue;
-    terms.obstacles[terms.obstacle_count++] = {o.x_state,
-                                               o.y_state,
-                                               static_cast<T>(o.x_m),
-                                               static_cast<T>(o.y_m),
-                                               static_cast<T>(o.radius_m),
-                                               static_cast<T>(o.weight)};
-  }
+  take_catalogue(cost, nullptr, terms);
+  if (terms.penalty_count > 0) terms.extra |= kCostPenaltyTerms;
+  if (terms.term_count > terms.penalty_count) terms.extra |= kCostOtherTerms;
   take_reference(cost, terms);
   terms.demonstration_mean = cost.demonstration_mean;
   terms.demonstration_root = cost.demonstration_root;

@@ -19,21 +19,24 @@ struct StepSetup;
 enum CostTerm : std::uint32_t {
   kCostSaturating = 1u << 0,
   kCostBounds = 1u << 1,
-  kCostObstacles = 1u << 2,
+  kCostPenaltyTerms = 1u << 2,  // of the catalogue, those that are penalties
   kCostReference = 1u << 3,
   kCostDemonstration = 1u << 4,
   kCostToGo = 1u << 5,         // the matrix at the end of the horizon
   kCostOwnFunction = 1u << 6,  // the caller's, in C
   kCostOwnTemplate = 1u << 7,  // the one that the kernel was compiled with
   kCostOutputs = 1u << 8,      // their targets
-  kCostOutputBounds = 1u << 9
+  kCostOutputBounds = 1u << 9,
+  kCostOtherTerms = 1u << 10  // of the catalogue
 };
 
-/// A circle to keep out of.
+/// A term of the catalogue (tiller_cost_term_t).
 template <class T>
-struct CostObstacle {
-  std::uint32_t x_state, y_state;
-  T x_m, y_m, radius_m, weight;
+struct CatalogueTerm {
+  std::uint32_t kind;
+  std::uint8_t states[TILLER_MAX_COST_TERM_STATES];
+  T weight;
+  T params[TILLER_MAX_COST_TERM_PARAMS];
 };
 
 /// Plain data: it may be copied, and lies in the planner's part of the block. The arrays of a reference or a
@@ -47,12 +50,12 @@ struct CostTerms {
   T input_rate[TILLER_MAX_INPUTS];
   T input_centre[TILLER_MAX_INPUTS];  // where R counts from: take_steady()
 
-  std::uint32_t extra;  // CostTerm bits; 0: quadratic around `target`, and nothing below is read
-  std::uint32_t obstacle_count;
+  std::uint32_t extra;                     // CostTerm bits; 0: quadratic around `target`, and nothing below is read
+  std::uint8_t penalty_count, term_count;  // of `terms`: the penalties stand first
   T saturating_weight;
   T inverse_width[TILLER_MAX_STATES];  // 0 where a state has no say
   T low[TILLER_MAX_STATES], high[TILLER_MAX_STATES], bound[TILLER_MAX_STATES];
-  CostObstacle<T> obstacles[TILLER_MAX_OBSTACLES];
+  CatalogueTerm<T> terms[TILLER_MAX_COST_TERMS];
   T* cost_to_go = nullptr;  // P, (nx x nx) row-major, symmetric: its owner's, set before lay_out_cost
 
   const double* reference;           // (reference_rows x nx)
@@ -95,6 +98,10 @@ void take_goal(const tiller_cost_config_t& cost, std::uint32_t states, std::uint
 template <class T>
 bool take_steady(const tiller_cost_config_t& cost, std::uint32_t states, std::uint32_t inputs, std::uint32_t angles,
                  const double* state, const double* input, CostTerms<T>& terms);
+
+/// The catalogue's terms for states that come less `origin` (nx); null: as they are.
+template <class T>
+void take_catalogue(const tiller_cost_config_t& cost, const double* origin, CostTerms<T>& terms);
 
 /// Row of a table of `rows` that is due at `step`: the last row holds.
 TILLER_INLINE std::size_t cost_row(std::uint64_t step, std::uint32_t rows) {

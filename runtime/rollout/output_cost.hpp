@@ -4,7 +4,7 @@
 // A model without outputs leaves nothing of it in its kernels.
 
 #include "rollout/cost_text.hpp"
-#include "rollout/quadratise.hpp"
+#include "rollout/expansion.hpp"
 #include "scalar/dual.hpp"
 
 namespace tiller {

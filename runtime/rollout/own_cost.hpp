@@ -13,6 +13,14 @@
 #include "rollout/cost_text.hpp"
 #include "scalar/pack.hpp"
 
+namespace tiller {
+
+/// No cost of one's own beside the model.
+template <class S>
+struct NoCost {};
+
+}  // namespace tiller
+
 TILLER_ISA_NAMESPACE_BEGIN
 
 template <class Model, template <class> class Cost, class P>

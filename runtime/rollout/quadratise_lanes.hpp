@@ -3,6 +3,8 @@
 // QuadratiseJob in lanes: a lane is a step of the horizon.
 
 #include "rollout/output_cost.hpp"
+#include "rollout/own_cost.hpp"
+#include "rollout/own_expansion.hpp"
 #include "rollout/quadratise.hpp"
 #include "rollout/rollout.hpp"
 #include "scalar/pack.hpp"

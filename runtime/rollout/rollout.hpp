@@ -99,7 +99,7 @@ struct RolloutJob {
   const RolloutFeedback<T>* feedback = nullptr;  // null: controls are the inputs
   std::uint64_t task_step = 0;                   // periods since the task began: the time row of step 0
   T* cost_out = nullptr;                         // (lanes)
-  T* penalty_out = nullptr;                      // (lanes) of bounds and obstacles, whatever `extra` says; nullable
+  T* penalty_out = nullptr;                      // (lanes) of bounds and penalty terms, whatever `extra` says; nullable
   T* final_state = nullptr;                      // (nx x lanes), row stride `lanes`; nullable
   T* final_effect_state = nullptr;               // (ns x lanes); nullable
   T* trajectory = nullptr;                       // ((horizon + 1) * nx x lanes); nullable
@@ -132,9 +132,9 @@ struct LineariseJob {
 /// (its 2 s); its other second derivatives are constant and diagonal: lbb = 2 s, lub = -2 s, s = cost->input_rate.
 ///
 /// [lxx lux'; lux luu] is positive semidefinite. Exact: quadratic terms, demonstration, cost-to-go. Saturating:
-/// w exp(-q/2) diag(1/width^2), the true one without its negative part. Bounds and obstacles: Gauss-Newton. Own cost:
-/// the true one (nested duals of the template, central differences of a C function) with its negative eigenvalues
-/// set to 0. lux is zero but for an own cost.
+/// w exp(-q/2) diag(1/width^2), the true one without its negative part. Bounds and the catalogue's terms: Gauss-Newton.
+/// Own cost: the true one (nested duals of the template, central differences of a C function) with its negative
+/// eigenvalues set to 0. lux is zero but for an own cost.
 struct QuadratiseJob {
   const StepSetup* setup = nullptr;
   const CostTerms<double>* cost = nullptr;

@@ -5,6 +5,7 @@
 
 #include "rollout/fading.hpp"
 #include "rollout/output_cost.hpp"
+#include "rollout/own_expansion.hpp"
 #include "rollout/quadratise.hpp"
 #include "rollout/residual.hpp"
 #include "rollout/step.hpp"

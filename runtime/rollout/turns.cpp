@@ -43,7 +43,7 @@ class Places {
       control_[i] = low + (high - low) * rng.uniform();
     }
     for (std::uint32_t i = 0; i < config.param_count; ++i) param_[i] = from_prior(config.priors[i], rng);
-    // the quadratic terms wrap their differences, bounds and obstacles move with the origin
+    // the quadratic terms wrap their differences, bounds and the catalogue's terms move with the origin
     cost_.extra &= kCostOwnFunction | kCostOwnTemplate;
     if (config.model->output_count > 0) {
       for (tiller_output_cost_t& o : outputs_) o = {0.0, 1.0, 1.0, -INFINITY, INFINITY, 0.0};
@@ -138,14 +138,7 @@ void move_cost_terms(const tiller_cost_config_t& cost, std::uint32_t states, con
     terms.low[i] = static_cast<T>(element_or(cost.state_low, i, -HUGE_VAL) - origin[i]);
     terms.high[i] = static_cast<T>(element_or(cost.state_high, i, HUGE_VAL) - origin[i]);
   }
-  std::uint32_t count = 0;  // those without a weight were left out
-  for (std::uint32_t k = 0; k < cost.obstacle_count && k < TILLER_MAX_OBSTACLES; ++k) {
-    const tiller_obstacle_t& o = cost.obstacles[k];
-    if (!(o.weight > 0.0)) continue;
-    terms.obstacles[count].x_m = static_cast<T>(o.x_m - origin[o.x_state]);
-    terms.obstacles[count].y_m = static_cast<T>(o.y_m - origin[o.y_state]);
-    ++count;
-  }
+  take_catalogue(cost, origin, terms);
 }
 template void move_cost_terms<float>(const tiller_cost_config_t&, std::uint32_t, const double*, CostTerms<float>&);
 template void move_cost_terms<double>(const tiller_cost_config_t&, std::uint32_t, const double*, CostTerms<double>&);

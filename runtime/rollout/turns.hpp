@@ -23,7 +23,7 @@ inline double far_turns(double angle_rad) {
 /// random states with four draws of inputs and of the prior's parameters, over two periods; about 15 kB of the stack.
 std::uint32_t periodic_angles(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table);
 
-/// Bounds and obstacles, which stand in unwrapped states, for states that come less `origin` (nx).
+/// Bounds and the catalogue's terms, which stand in unwrapped states, for states that come less `origin` (nx).
 template <class T>
 void move_cost_terms(const tiller_cost_config_t& cost, std::uint32_t states, const double* origin, CostTerms<T>& terms);
 

@@ -60,7 +60,7 @@ TEST(ConfigArrays, LeftOutIsAsSayingNone) {
   tiller_config_t plain = full;
   plain.effects = nullptr;
   plain.cost.state_low = plain.cost.state_high = plain.cost.bound_weight = nullptr;
-  plain.cost.obstacles = nullptr;
+  plain.cost.terms = nullptr;
   plain.safety.cones = nullptr;
   plain.safety.hold_gain = plain.safety.measurement_low = plain.safety.measurement_high = nullptr;
   plain.safety.measurement_rate_per_s = nullptr;
@@ -71,8 +71,8 @@ TEST(ConfigArrays, LeftOutIsAsSayingNone) {
 
 TEST(ConfigArrays, AreCopiedByInit) {
   Config kept = rig::pendulum_config(), scribbled = kept;
-  kept.cost.obstacle_count = scribbled.cost.obstacle_count = 1;
-  kept.obstacles[0] = scribbled.obstacles[0] = {0, 1, 9.0, 9.0, 0.5, 1.0};
+  kept.cost.term_count = scribbled.cost.term_count = 1;
+  kept.terms[0] = scribbled.terms[0] = {tiller_cost_term_obstacles, {0, 1}, 0, 1.0, {9.0, 9.0, 0.5}};
   kept.safety.cone_count = scribbled.safety.cone_count = 1;
   kept.cones[0] = scribbled.cones[0] = {1, 0, 0.0, 1.5};  // below the limits: it is in the swing-up's way
   kept.bound_weight[1] = scribbled.bound_weight[1] = 0.1;
@@ -83,7 +83,7 @@ TEST(ConfigArrays, AreCopiedByInit) {
   for (double* array : {scribbled.state_low, scribbled.state_high, scribbled.bound_weight, scribbled.measurement_low,
                         scribbled.measurement_high, scribbled.measurement_rate_per_s, scribbled.hold_gain})
     std::fill(array, array + TILLER_MAX_STATES, NAN);
-  for (tiller_obstacle_t& o : scribbled.obstacles) o = {7, 7, NAN, NAN, NAN, NAN};
+  for (tiller_cost_term_t& t : scribbled.terms) t = {0, {7, 7}, 0, NAN, {NAN, NAN, NAN}};
   for (tiller_input_cone_t& cone : scribbled.cones) cone = {7, 7, NAN, NAN};
   const std::vector<double> commands = a.commands();
   EXPECT_EQ(commands, b.commands());
@@ -154,10 +154,10 @@ TEST(ConfigArrays, CountsWithoutAnArrayAreRefused) {
   EXPECT_EQ(tiller_config_check(&c, &field), tiller_status_null_argument);
   EXPECT_STREQ(field, "effects");
   c = good;
-  c.cost.obstacle_count = 1;
-  c.cost.obstacles = nullptr;
+  c.cost.term_count = 1;
+  c.cost.terms = nullptr;
   EXPECT_EQ(tiller_config_check(&c, &field), tiller_status_null_argument);
-  EXPECT_STREQ(field, "cost.obstacles");
+  EXPECT_STREQ(field, "cost.terms");
   c = good;
   c.safety.cone_count = 1;
   c.safety.cones = nullptr;
@@ -197,7 +197,7 @@ TEST(Config, CopiesPointToTheirOwnArrays) {
     EXPECT_EQ(plain.cost.state_low, c->state_low);
     EXPECT_EQ(plain.cost.state_high, c->state_high);
     EXPECT_EQ(plain.cost.bound_weight, c->bound_weight);
-    EXPECT_EQ(plain.cost.obstacles, c->obstacles);
+    EXPECT_EQ(plain.cost.terms, c->terms);
     EXPECT_EQ(plain.safety.cones, c->cones);
     EXPECT_EQ(plain.safety.hold_gain, c->hold_gain);
     EXPECT_EQ(plain.safety.measurement_low, c->measurement_low);

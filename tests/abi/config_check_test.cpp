@@ -22,10 +22,10 @@ const double kRows[8] = {0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0};
 const double kRowsWithNan[8] = {0.0, 1.0, 2.0, kNan, 4.0, 5.0, 6.0, 7.0};
 
 /// A right obstacle, to be spoiled.
-tiller_obstacle_t& obstacle(C& c) {
-  c.cost.obstacle_count = 1;
-  c.obstacles[0] = {0, 1, 0.5, -0.5, 0.1, 100.0};
-  return c.obstacles[0];
+tiller_cost_term_t& obstacle(C& c) {
+  c.cost.term_count = 1;
+  c.terms[0] = {tiller_cost_term_obstacles, {0, 1}, 0, 100.0, {0.5, -0.5, 0.1}};
+  return c.terms[0];
 }
 
 void sqp_tree(C& c) {
@@ -307,14 +307,15 @@ const Spoiled kSpoiled[] = {
     {"cost.bound_weight[0]", tiller_status_bad_cost, [](C& c) { c.bound_weight[0] = -1.0; }},
     {"cost.bound_weight[0]", tiller_status_bad_cost, [](C& c) { c.bound_weight[0] = kInf; }},
     {"cost.hard_bounds", tiller_status_bad_cost, [](C& c) { c.cost.hard_bounds = 1u << 2; }},
-    {"cost.obstacle_count", tiller_status_bad_cost, [](C& c) { c.cost.obstacle_count = 9; }},
-    {"cost.obstacles[0]", tiller_status_bad_cost, [](C& c) { obstacle(c).x_state = 2; }},
-    {"cost.obstacles[0]", tiller_status_bad_cost, [](C& c) { obstacle(c).y_state = 2; }},
-    {"cost.obstacles[0]", tiller_status_bad_cost, [](C& c) { obstacle(c).y_state = 0; }},
-    {"cost.obstacles[0]", tiller_status_bad_cost, [](C& c) { obstacle(c).x_m = kNan; }},
-    {"cost.obstacles[0]", tiller_status_bad_cost, [](C& c) { obstacle(c).y_m = kInf; }},
-    {"cost.obstacles[0]", tiller_status_bad_cost, [](C& c) { obstacle(c).radius_m = 0.0; }},
-    {"cost.obstacles[0]", tiller_status_bad_cost, [](C& c) { obstacle(c).weight = -1.0; }},
+    {"cost.term_count", tiller_status_bad_cost, [](C& c) { c.cost.term_count = 9; }},
+    {"cost.terms[0]", tiller_status_bad_cost, [](C& c) { obstacle(c).kind = tiller_cost_term_kind_count; }},
+    {"cost.terms[0]", tiller_status_bad_cost, [](C& c) { obstacle(c).states[0] = 2; }},
+    {"cost.terms[0]", tiller_status_bad_cost, [](C& c) { obstacle(c).states[1] = 2; }},
+    {"cost.terms[0]", tiller_status_bad_cost, [](C& c) { obstacle(c).states[1] = 0; }},
+    {"cost.terms[0]", tiller_status_bad_cost, [](C& c) { obstacle(c).params[0] = kNan; }},
+    {"cost.terms[0]", tiller_status_bad_cost, [](C& c) { obstacle(c).params[1] = kInf; }},
+    {"cost.terms[0]", tiller_status_bad_cost, [](C& c) { obstacle(c).params[2] = 0.0; }},
+    {"cost.terms[0]", tiller_status_bad_cost, [](C& c) { obstacle(c).weight = -1.0; }},
     {"cost.reference_steps", tiller_status_bad_cost, [](C& c) { c.cost.reference_steps = 2; }},
     {"cost.reference_steps", tiller_status_bad_cost, [](C& c) { c.cost.reference = kRows; }},
     {"cost.reference", tiller_status_bad_cost,
@@ -398,7 +399,7 @@ TEST(ConfigCheck, AcceptsTheEndsOfTheRanges) {
   c.state_low[0] = -1.0;
   c.cost.hard_bounds = 3;
   (void)obstacle(c);
-  c.obstacles[0].weight = 0.0;
+  c.terms[0].weight = 0.0;
   c.cost.reference = kRows;
   c.cost.reference_steps = 4;
   demonstrate(c);

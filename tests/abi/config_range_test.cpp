@@ -97,8 +97,8 @@ void spoil(C& c, Draw& draw, double share) {
     c.safety.input_rate_per_s[0] = draw.chance(0.3) ? kInf : draw.scale();
   }
   if (draw.chance(share)) {
-    c.cost.obstacle_count = 1;
-    c.obstacles[0] = {0, 1, draw.value(), draw.value(), draw.scale(), draw.weight()};
+    c.cost.term_count = 1;
+    c.terms[0] = {tiller_cost_term_obstacles, {0, 1}, 0, draw.weight(), {draw.value(), draw.value(), draw.scale()}};
   }
   c.body.gravity_z_m_s2 = draw.chance(share) ? draw.sign() * draw.magnitude(1e-9, 100) : c.body.gravity_z_m_s2;
   c.body.payload_kg = draw.chance(share) ? draw.magnitude(1e-9, 1e6) : 0.0;
@@ -412,10 +412,10 @@ TEST(ConfigRange, RowsOfACostAreHeldToTheSame) {
             }),
             "cost.reference");
   EXPECT_EQ(field_of([](C& c) {
-              c.cost.obstacle_count = 1;
-              c.obstacles[0] = {0, 1, 0, 0, 1e-20, 1};
+              c.cost.term_count = 1;
+              c.terms[0] = {tiller_cost_term_obstacles, {0, 1}, 0, 1, {0, 0, 1e-20}};
             }),
-            "cost.obstacles[0]");
+            "cost.terms[0]");
   EXPECT_EQ(field_of([](C& c) { c.hold_gain[0] = 1e155; }), "safety.hold_gain[0]");
 }
 

@@ -100,8 +100,8 @@ void add_every_term(tiller::Config& config) {
   config.state_high[1] = 8.0;
   config.bound_weight[1] = 0.1;
   cost.hard_bounds = 2;
-  cost.obstacle_count = 1;
-  config.obstacles[0] = {0, 1, 1.0, 3.0, 0.5, 0.1};
+  cost.term_count = 1;
+  config.terms[0] = {tiller_cost_term_obstacles, {0, 1}, 0, 0.1, {1.0, 3.0, 0.5}};
   cost.reference = reference;
   cost.reference_steps = 3;
   cost.demonstration_mean = reference;

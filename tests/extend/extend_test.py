@@ -1,5 +1,5 @@
 """What one more of something takes: a planner's setting, an engine, a transport, an effect, a CAN protocol, a log
-format.
+format, a term of the cost.
 
     extend_test.py SOURCE WORK VENV [--count]
 
@@ -16,7 +16,7 @@ import sys
 
 # The files that each one touches, new and changed.
 TOUCHED = {"setting of a planner": 2, "engine of the posterior": 3, "transport": 2, "effect": 2, "CAN protocol": 3,
-           "log format": 2}
+           "log format": 2, "term of the cost": 2}
 FOLDERS = ["cmake", "runtime", "sim", "tools", "harness", "bench", "robots"]
 ENGINE = """#include "posterior/filter/filter_posterior.hpp"
 
@@ -72,6 +72,32 @@ struct Dummy {
     return i;
   }();
   static S force(const JointStep<S>&, const S* p) { return p[0]; }
+};
+}  // namespace tiller
+"""
+COST_TERM = """#pragma once
+
+#include "costs/cost_term_info.hpp"
+
+namespace tiller {
+struct Ceiling {
+  static constexpr CostTermInfo info = [] {
+    CostTermInfo i;
+    i.name = "ceiling";
+    i.help = "A state that nobody needs above a value.";
+    i.equation = "max(0, state - highest)";
+    i.weight_unit = "1/SI^2";
+    i.penalty = true;
+    i.state_count = 1;
+    i.states[0] = {"state", "which state"};
+    i.param_count = 1;
+    i.params[0] = {"highest_SI", "SI", -9.0, 9.0, "the value", 0};
+    return i;
+  }();
+  template <class S>
+  static S residual(const S* x, const S* p) {
+    return max(x[0] - p[0], S(0.0));
+  }
 };
 }  // namespace tiller
 """
@@ -155,6 +181,13 @@ def add_log_format(work):
     add_line(logs / "log_formats.def", "TILLER_LOG_FORMAT(csv", 'TILLER_LOG_FORMAT(dummy, "DUMMY\\n")\n')
 
 
+def add_cost_term(work):
+    """Its header, and a line behind the last one."""
+    (work / "runtime/costs/ceilings.hpp").write_text(COST_TERM)
+    costs = work / "runtime/include/tiller/costs.def"
+    costs.write_text(costs.read_text() + "TILLER_COST_TERM(ceilings, Ceiling)\n")
+
+
 def files_of(work):
     return {path: path.read_bytes() for folder in FOLDERS for path in (work / folder).rglob("*") if path.is_file()}
 
@@ -162,7 +195,8 @@ def files_of(work):
 def extend(work):
     """Adds one of each; the names of the files that each one touched."""
     touched, before = {}, files_of(work)
-    for what, add in zip(TOUCHED, (add_setting, add_engine, add_transport, add_effect, add_protocol, add_log_format)):
+    for what, add in zip(TOUCHED, (add_setting, add_engine, add_transport, add_effect, add_protocol, add_log_format,
+                               add_cost_term)):
         add(work)
         after = files_of(work)
         touched[what] = sorted(str(p.relative_to(work)) for p in after if after[p] != before.get(p))
@@ -258,6 +292,22 @@ def main():
     expect("a log of the format is fitted", code in (0, 2) and "damping_Nms" in told, told)
     code, told = say("replay", str(robot), str(work / "swing.dummy"), "--tolerance", "10")
     expect("and replayed", "200 " in told and "cannot be read" not in told, told)
+
+    expect("the manual has the term of the cost", "[[cost.ceilings]]" in manual and "highest_SI" in manual, manual)
+    ceiling = '\n[[cost.ceilings]]\nstate = "angle_rad"\nhighest_SI = %g\nweight = 1e4\n'
+    robot.write_text(text + ceiling % 99)
+    code, told = say("check", str(robot))
+    expect("its range is kept", code != 0 and "highest_SI = 99" in told and "at most 9" in told, told)
+    highest = []
+    raised = text.replace("target = { angle_rad = 3.141592653589793 }", "target = { angle_rad = 0.4 }")
+    for limit in ("", ceiling % 0.1):
+        robot.write_text(raised + limit)
+        code, told = say("run", str(robot), "--sim", "--seconds", "2", "--log", "limited.csv")
+        expect("a run to 0.4 rad", code == 0, told)
+        lines = (work / "limited.csv").read_text().splitlines()
+        column = lines[0].split(",").index("angle_rad")
+        highest.append(max(float(line.split(",")[column]) for line in lines[1:]))
+    expect("a plan keeps below the ceiling", highest[1] < 0.2 < highest[0], highest)
 
     expect("the manual has the protocol", "dummy" in manual.split("actuator", 1)[1].splitlines()[0], manual)
     can = '\n[transport]\nkind = "socketcan"\ninterface = "nowhere0"\nactuator = "dummy"\nnodes = { torque_Nm = %d }\n'

@@ -17,7 +17,7 @@ struct CostCase {
   std::string name;
   tiller_cost_config_t cost{};  // its pointers are set by terms_of
   double state_low[TILLER_MAX_STATES], state_high[TILLER_MAX_STATES], bound_weight[TILLER_MAX_STATES] = {};
-  tiller_obstacle_t obstacles[TILLER_MAX_OBSTACLES] = {};
+  tiller_cost_term_t terms[TILLER_MAX_COST_TERMS] = {};
   std::vector<double> reference, mean, root;
   tiller_own_cost_t own{};
   std::vector<tiller_output_cost_t> outputs;
@@ -74,9 +74,9 @@ inline std::vector<CostCase> cost_cases(const tiller_model_t& model) {
     c.bound_weight[1] = 2.0;
   };
   const auto obstacles = [x = state_centre(model, 0), y = state_centre(model, 1)](CostCase& c) {
-    c.cost.obstacle_count = 2;
-    c.obstacles[0] = {0, 1, x + 0.3, y - 0.2, 0.9, 4.0};
-    c.obstacles[1] = {1, 0, y - 0.8, x + 0.5, 1.1, 0.7};
+    c.cost.term_count = 2;
+    c.terms[0] = {tiller_cost_term_obstacles, {0, 1}, 0, 4.0, {x + 0.3, y - 0.2, 0.9}};
+    c.terms[1] = {tiller_cost_term_obstacles, {1, 0}, 0, 0.7, {y - 0.8, x + 0.5, 1.1}};
   };
   const auto reference = [nx, &rng](CostCase& c) {
     c.cost.reference_steps = 7;  // shorter than the horizon: the last row holds
@@ -132,7 +132,7 @@ CostTerms<T> terms_of(const CostCase& c, std::uint32_t nx) {
   cost.state_low = c.state_low;
   cost.state_high = c.state_high;
   cost.bound_weight = c.bound_weight;
-  cost.obstacles = c.obstacles;
+  cost.terms = c.terms;
   if (!c.reference.empty()) cost.reference = c.reference.data();
   if (!c.mean.empty()) cost.demonstration_mean = c.mean.data();
   if (!c.root.empty()) cost.demonstration_root = c.root.data();
@@ -178,10 +178,10 @@ struct PlainCost {
         sum += c.bound_weight[i] * std::pow(std::max({0.0, c.state_low[i] - x[i], x[i] - c.state_high[i]}), 2);
     }
     sum += c.cost.saturating_weight * (1.0 - std::exp(-0.5 * q));
-    for (std::uint32_t k = 0; k < c.cost.obstacle_count; ++k) {
-      const tiller_obstacle_t& o = c.obstacles[k];
-      const double distance = std::hypot(x[o.x_state] - o.x_m, x[o.y_state] - o.y_m);
-      if (distance < o.radius_m) sum += o.weight * std::pow(o.radius_m - distance, 2);
+    for (std::uint32_t k = 0; k < c.cost.term_count; ++k) {
+      const tiller_cost_term_t& o = c.terms[k];  // an obstacle
+      const double distance = std::hypot(x[o.states[0]] - o.params[0], x[o.states[1]] - o.params[1]);
+      if (distance < o.params[2]) sum += o.weight * std::pow(o.params[2] - distance, 2);
     }
     if (!c.mean.empty()) {
       const std::size_t at = row(step, c.cost.demonstration_steps);

@@ -111,12 +111,12 @@ void expect_penalties_apart(const tiller_model_t& m, const RolloutTable& table, 
       b->job.params = {shared.data(), 0};
     }
     std::vector<T> penalty(kLanes, T(-1));
-    apart.weights.extra &= ~(kCostBounds | kCostObstacles | kCostOutputBounds);
+    apart.weights.extra &= ~(kCostBounds | kCostPenaltyTerms | kCostOutputBounds);
     apart.job.penalty_out = penalty.data();
     whole.run(m, table);
     apart.run(m, table);
     const bool has =
-        whole.weights.has(kCostBounds) || whole.weights.has(kCostObstacles) || whole.weights.has(kCostOutputBounds);
+        whole.weights.has(kCostBounds) || whole.weights.has(kCostPenaltyTerms) || whole.weights.has(kCostOutputBounds);
     for (std::uint32_t l = 0; l < kLanes; ++l) {
       const double want = double(whole.cost[l]);
       EXPECT_NEAR(double(apart.cost[l]) + double(penalty[l]), want, tolerance * (1.0 + std::abs(want))) << c.name;
@@ -166,7 +166,7 @@ TEST_P(EveryModelsCost, WeightZeroIsOff) {
   CostCase c = cost_cases(m).back();
   c.cost.saturating_weight = c.cost.demonstration_weight = c.cost.own_weight = 0.0;
   for (double& weight : c.bound_weight) weight = 0.0;
-  for (tiller_obstacle_t& o : c.obstacles) o.weight = 0.0;
+  for (tiller_cost_term_t& term : c.terms) term.weight = 0.0;
   for (tiller_output_cost_t& o : c.outputs) o.weight = o.terminal_weight = o.bound_weight = 0.0;
   c.reference.clear();
   c.lqr = false;

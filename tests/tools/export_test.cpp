@@ -34,7 +34,7 @@ void expect_same_arrays(const tiller_config_t& one, const tiller_config_t& other
   expect_same_bytes("state_low", exported.state_low, read.state_low);
   expect_same_bytes("state_high", exported.state_high, read.state_high);
   expect_same_bytes("bound_weight", exported.bound_weight, read.bound_weight);
-  expect_same_bytes("obstacles", exported.obstacles, read.obstacles);
+  expect_same_bytes("terms", exported.terms, read.terms);
   expect_same_bytes("cones", exported.cones, read.cones);
   expect_same_bytes("hold_gain", exported.hold_gain, read.hold_gain);
   expect_same_bytes("measurement_low", exported.measurement_low, read.measurement_low);
@@ -45,7 +45,7 @@ void expect_same_arrays(const tiller_config_t& one, const tiller_config_t& other
 /// The numbers beside them.
 tiller_cost_config_t without_arrays(tiller_cost_config_t cost) {
   cost.state_low = cost.state_high = cost.bound_weight = nullptr;
-  cost.obstacles = nullptr;
+  cost.terms = nullptr;
   return cost;
 }
 tiller_safety_config_t without_arrays(tiller_safety_config_t safety) {

@@ -27,10 +27,10 @@ double* field_of(const KeySpec& spec, C& c) {
   if (path == "cost.bounds.*/low") return &c.state_low[0];
   if (path == "cost.bounds.*/high") return &c.state_high[0];
   if (path == "cost.bounds.*/weight") return &c.bound_weight[0];
-  if (path == "cost.obstacles[]/x_m") return &c.obstacles[0].x_m;
-  if (path == "cost.obstacles[]/y_m") return &c.obstacles[0].y_m;
-  if (path == "cost.obstacles[]/radius_m") return &c.obstacles[0].radius_m;
-  if (path == "cost.obstacles[]/weight") return &c.obstacles[0].weight;
+  if (path == "cost.obstacles[]/x_m") return &c.terms[0].params[0];
+  if (path == "cost.obstacles[]/y_m") return &c.terms[0].params[1];
+  if (path == "cost.obstacles[]/radius_m") return &c.terms[0].params[2];
+  if (path == "cost.obstacles[]/weight") return &c.terms[0].weight;
   if (path == "safety.cones[]/limit") return &c.cones[0].limit;
   if (path == "safety/contact_force") return &c.safety.contact_force[1];  // of the joint's velocity
   if (path == "limits.*/low") return &c.safety.input_low[0];
@@ -63,8 +63,8 @@ torque_Nm = { low = -1e9, high = 1e9 }
   C& c = robot->config;
   c.measurement_low[0] = -kInf;
   c.measurement_high[0] = kInf;
-  c.cost.obstacle_count = 1;
-  c.obstacles[0] = {0, 1, 0, 0, 1, 1};
+  c.cost.term_count = 1;
+  c.terms[0] = {tiller_cost_term_obstacles, {0, 1}, 0, 1, {0, 0, 1}};
   c.cones[0] = {1, 0, 0.0, 1.0};
   c.safety.sensor_timeout_s = 3600;
   c.posterior.disturbance = 1;  // which feels contacts

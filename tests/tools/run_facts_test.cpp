@@ -200,8 +200,8 @@ TEST(RunFacts, APlaneIsTheTwoStatesInMetres) {
   ASSERT_NE(robot, nullptr) << errors;
   const auto plane = [&] { return nlohmann::json::parse(run_facts_json(*robot, RunResult{}, {}))["plane"].dump(); };
   EXPECT_EQ(plane(), R"({"obstacles":[],"x":"x_m","y":"z_m"})");
-  robot->config.cost.obstacle_count = 1;
-  robot->config.obstacles[0] = {1, 0, 0.5, 0.25, 0.2, 10};  // of z and x
+  robot->config.cost.term_count = 1;
+  robot->config.terms[0] = {tiller_cost_term_obstacles, {1, 0}, 0, 10, {0.5, 0.25, 0.2}};  // of z and x
   EXPECT_EQ(plane(), R"({"obstacles":[[0.5,0.25,0.2]],"x":"z_m","y":"x_m"})");
   EXPECT_FALSE(nlohmann::json::parse(run_facts_json(*robot_of(test::kGoodRobot), RunResult{}, {})).contains("plane"))
       << "a rail is none";

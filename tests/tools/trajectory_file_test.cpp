@@ -164,9 +164,9 @@ TEST_F(TrajectoryFile, ReachesTheConfiguration) {
   EXPECT_EQ(c.state_high[2], 3);
   EXPECT_EQ(c.bound_weight[0], 10);
   EXPECT_EQ(c.hard_bounds, 1u << 2);
-  ASSERT_EQ(c.obstacle_count, 1u);
-  EXPECT_EQ(c.obstacles[0].y_state, 1u);
-  EXPECT_EQ(c.obstacles[0].radius_m, 0.5);
+  ASSERT_EQ(c.term_count, 1u);
+  EXPECT_EQ(c.terms[0].states[1], 1u);
+  EXPECT_EQ(c.terms[0].params[2], 0.5);
 }
 
 TEST_F(TrajectoryFile, ADistributionOfMeansAndDeviations) {

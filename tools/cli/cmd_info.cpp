@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <cstring>
 
+#include "costs/cost_term_info.hpp"
 #include "planners/planner.hpp"
 #include "posterior/prior.hpp"
 #include "tiller/config.hpp"
@@ -55,7 +56,11 @@ void print_cost(const RobotFile& robot) {
   for (std::size_t i = 0; i < robot.states.size(); ++i)
     if (c.bound_weight[i] > 0 || (c.hard_bounds >> i & 1)) bounded.push_back(robot.states[i]);
   if (!bounded.empty()) terms.push_back("bounds of " + join(bounded));
-  if (c.obstacle_count > 0) terms.push_back(std::to_string(c.obstacle_count) + " obstacle(s)");
+  for (std::uint32_t kind = 0; kind < tiller_cost_term_kind_count; ++kind) {
+    const auto count =
+        std::count_if(c.terms, c.terms + c.term_count, [&](const tiller_cost_term_t& t) { return t.kind == kind; });
+    if (count > 0) terms.push_back(std::to_string(count) + " " + cost_term_info(kind).name + "(s)");
+  }
   Words outputs;
   for (std::uint32_t j = 0; j < c.output_count; ++j)
     if (c.outputs[j].weight > 0 || c.outputs[j].terminal_weight > 0 || c.outputs[j].bound_weight > 0)

@@ -43,7 +43,7 @@ std::string record_header(const tiller_config_t& config) {
   pointers.effects = nullptr;
   pointers.priors = nullptr;
   copy.cost.state_low = copy.cost.state_high = copy.cost.bound_weight = nullptr;
-  copy.cost.obstacles = nullptr;
+  copy.cost.terms = nullptr;
   copy.safety.hold_gain = nullptr;
   copy.safety.cones = nullptr;
   copy.safety.measurement_low = copy.safety.measurement_high = copy.safety.measurement_rate_per_s = nullptr;

@@ -2,6 +2,7 @@
 
 #include <cstdlib>
 
+#include "costs/cost_term_info.hpp"
 #include "effects/effect_info.hpp"
 #include "tools/robot/robot_schema.hpp"
 
@@ -37,6 +38,15 @@ std::string name_at(const Words& names, std::size_t index) {
   return index < names.size() ? names[index] : std::to_string(index);
 }
 
+/// Of term i: its key, and the how many-th of its kind it is.
+Words term_path(const RobotFile& robot, std::size_t i) {
+  const tiller_cost_term_t* const terms = robot.config.terms;
+  std::size_t before = 0;
+  for (std::size_t k = 0; k < i && i < TILLER_MAX_COST_TERMS; ++k) before += terms[k].kind == terms[i].kind;
+  if (i >= TILLER_MAX_COST_TERMS || terms[i].kind >= tiller_cost_term_kind_count) return {"cost"};
+  return {"cost", cost_term_key(terms[i].kind), std::to_string(before)};
+}
+
 }  // namespace
 
 Words trace_field(const RobotFile& robot, const std::string& field) {
@@ -50,7 +60,7 @@ Words trace_field(const RobotFile& robot, const std::string& field) {
   if (name == "measurement_sd") return {"measurement", name_at(robot.measurements, i), "sd"};
   if (name == "measured_state") return {"measurement", name_at(robot.measurements, i)};
   const std::string input = name_at(robot.inputs, i);
-  if (name == "cost.obstacles") return {"cost", "obstacles", std::to_string(i)};
+  if (name == "cost.terms") return term_path(robot, i);
   if (name == "safety.cones") return {"safety", "cones", std::to_string(i)};
   if (name == "cost.state_low") return {"cost", "bounds", name_at(robot.states, i), "low"};
   if (name == "cost.state_high") return {"cost", "bounds", name_at(robot.states, i), "high"};

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include "costs/cost_term_info.hpp"
 #include "effects/effect_info.hpp"
 #include "tools/robot/export_build.hpp"
 #include "tools/robot/export_networks.hpp"
@@ -129,16 +130,22 @@ Initialiser plain_part(const RobotFile& robot, const char* group) {
   return part;
 }
 
-std::string obstacles_text(const RobotFile& robot, const std::string& prefix) {
-  if (robot.config.cost.obstacle_count == 0) return "";
+std::string terms_text(const RobotFile& robot, const std::string& prefix) {
+  if (robot.config.cost.term_count == 0) return "";
   std::string rows;
-  for (std::uint32_t i = 0; i < robot.config.cost.obstacle_count; ++i) {
-    const tiller_obstacle_t& o = robot.config.cost.obstacles[i];
-    rows += "  {" + std::to_string(o.x_state) + "u, " + std::to_string(o.y_state) + "u, " + c_number(o.x_m) + ", " +
-            c_number(o.y_m) + ", " + c_number(o.radius_m) + ", " + c_number(o.weight) + "}, /* " +
-            robot.states[o.x_state] + ", " + robot.states[o.y_state] + " */\n";
+  for (std::uint32_t i = 0; i < robot.config.cost.term_count; ++i) {
+    const tiller_cost_term_t& term = robot.config.terms[i];
+    const CostTermInfo& info = cost_term_info(term.kind);
+    Words indices, names, params;
+    for (std::uint32_t k = 0; k < info.state_count; ++k) {
+      indices.push_back(std::to_string(term.states[k]) + "u");
+      names.push_back(robot.states[term.states[k]]);
+    }
+    for (std::uint32_t k = 0; k < std::max(info.param_count, 1u); ++k) params.push_back(c_number(term.params[k]));
+    rows += std::string("  {tiller_cost_term_") + cost_term_key(term.kind) + ", {" + join(indices) + "}, 0u, " +
+            c_number(term.weight) + ", {" + join(params) + "}}, /* " + join(names) + " */\n";
   }
-  return definition("tiller_obstacle_t", prefix + "_obstacles", robot.config.cost.obstacle_count, rows);
+  return definition("tiller_cost_term_t", prefix + "_terms", robot.config.cost.term_count, rows);
 }
 
 std::string cones_text(const RobotFile& robot, const std::string& prefix) {
@@ -237,7 +244,7 @@ std::string arrays_text(const RobotFile& robot, const std::string& prefix) {
   const tiller_cost_config_t& c = robot.config.cost;
   const std::size_t nx = robot.states.size();
   return effects_text(robot, prefix) + priors_text(robot, prefix) + mixture_text(robot, prefix) +
-         networks_text(robot, prefix) + OptionalArrays(robot, prefix).text() + obstacles_text(robot, prefix) +
+         networks_text(robot, prefix) + OptionalArrays(robot, prefix).text() + terms_text(robot, prefix) +
          cones_text(robot, prefix) + array_text(prefix + "_reference", c.reference, c.reference_steps, nx) +
          array_text(prefix + "_demonstration_mean", c.demonstration_mean, c.demonstration_steps, nx) +
          array_text(prefix + "_demonstration_root", c.demonstration_root, c.demonstration_steps, nx * nx) +
@@ -249,10 +256,10 @@ Initialiser cost_part(const RobotFile& robot, const std::string& prefix) {
   Initialiser part("    ");
   write_settings(part, robot, "cost");
   const OptionalArrays arrays(robot, prefix);
-  part.count("obstacle_count", c.obstacle_count);
+  part.count("term_count", c.term_count);
   for (const char* field : {"state_low", "state_high", "bound_weight"}) arrays.point(part, field);
   part.count("hard_bounds", c.hard_bounds);
-  if (c.obstacle_count > 0) part.word("obstacles", prefix + "_obstacles");
+  if (c.term_count > 0) part.word("terms", prefix + "_terms");
   if (c.reference) part.word("reference", prefix + "_reference");
   if (c.demonstration_mean) {
     part.word("demonstration_mean", prefix + "_demonstration_mean");

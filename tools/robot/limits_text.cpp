@@ -60,7 +60,7 @@ std::vector<Limit> all_limits() {
       of_key("planner", "levels", "tree search: values per input"),
       of_key("planner", "nodes", "tree search: nodes"),
       // task
-      TILLER_LIMIT("obstacles", TILLER_MAX_OBSTACLES),
+      TILLER_LIMIT("terms of costs.def, all kinds together", TILLER_MAX_COST_TERMS),
       TILLER_LIMIT("cones of inputs", TILLER_MAX_INPUT_CONES),
       TILLER_LIMIT("periods of a reference or demonstration", kMostTrajectoryPeriods),
       // what is learnt

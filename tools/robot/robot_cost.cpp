@@ -1,9 +1,10 @@
-// [cost]: what is more than keys with a place in the configuration: bounds, obstacles, trajectories, a cost of one's
-// own.
+// [cost]: what is more than keys with a place in the configuration: bounds, terms of costs.def, trajectories, a cost
+// of one's own.
 
 #include <cmath>
 #include <filesystem>
 
+#include "costs/cost_term_info.hpp"
 #include "tiller/config.hpp"
 #include "tools/robot/robot_sections.hpp"
 #include "tools/robot/trajectory_file.hpp"
@@ -54,60 +55,65 @@ void read_bounds(SectionReader& section, RobotFile& robot) {
   }
 }
 
-/// The index of the state that a key names; 0 after an error.
-std::uint32_t axis(SectionReader& section, const char* key, const Words& states) {
-  if (!section.has(key)) section.missing(key, "write the state that is this axis: " + join(states));
+/// The index of the state that a key names; -1 after an error.
+int named_state(SectionReader& section, const char* key, const Words& states) {
+  if (!section.has(key)) section.missing(key, "write the state that is meant: " + join(states));
   const auto name = section.text(key);
-  const int state = name ? index_of(states, *name) : 0;
-  if (state < 0) section.error(key, "the model has no state of that name", remedy_for_unknown(*name, states));
-  return static_cast<std::uint32_t>(std::max(state, 0));
+  const int state = name ? index_of(states, *name) : -1;
+  if (name && state < 0) section.error(key, "the model has no state of that name", remedy_for_unknown(*name, states));
+  return state;
 }
 
-double required_number(SectionReader& section, const char* key) {
-  if (!section.has(key)) section.missing(key, find_key("cost.obstacles[]", key)->help);
-  return section.number(key).value_or(1.0);
-}
-
-void read_obstacle(FileErrors& errors, const toml::table& table, std::size_t index, RobotFile& robot) {
-  SectionReader section(errors, "cost.obstacles[]", "cost.obstacles[" + std::to_string(index) + "]", &table);
+/// One of [[cost.<key>]], as its kind in costs.def says.
+void read_term(FileErrors& errors, const toml::table& table, std::uint32_t kind, std::size_t index, RobotFile& robot) {
+  const CostTermInfo& info = cost_term_info(kind);
+  const std::string key = std::string("cost.") + cost_term_key(kind);
+  SectionReader section(errors, key + "[]", key + "[" + std::to_string(index) + "]", &table);
   const std::size_t before = errors.list().size();
   section.refuse_unknown();
-  tiller_obstacle_t obstacle = {};
-  obstacle.x_state = axis(section, "x_state", robot.states);
-  obstacle.y_state = axis(section, "y_state", robot.states);
-  obstacle.x_m = required_number(section, "x_m");
-  obstacle.y_m = required_number(section, "y_m");
-  obstacle.radius_m = required_number(section, "radius_m");
-  obstacle.weight = required_number(section, "weight");
+  tiller_cost_term_t term = {};
+  term.kind = kind;
+  const auto number = [&](const char* name) {
+    if (!section.has(name)) section.missing(name, find_key(key + "[]", name)->help);
+    return section.number(name).value_or(1.0);
+  };
+  for (std::uint32_t i = 0; i < info.state_count; ++i) {
+    const int state = named_state(section, info.states[i].key, robot.states);
+    if (state < 0) continue;
+    term.states[i] = static_cast<std::uint32_t>(state);
+    for (std::uint32_t j = 0; j < i; ++j)
+      if (term.states[j] == term.states[i] && section.has(info.states[j].key))
+        section.error(info.states[i].key, "is " + std::string(info.states[j].key) + " already", "name another state");
+  }
+  for (std::uint32_t i = 0; i < info.param_count; ++i) term.params[i] = number(info.params[i].key);
+  term.weight = number("weight");
   if (errors.list().size() != before) return;
-  if (obstacle.x_state == obstacle.y_state) {
-    section.error("y_state", "is the first axis already", "name two states");
-  } else if (index <= TILLER_MAX_OBSTACLES) {
-    robot.config.obstacles[robot.config.cost.obstacle_count++] = obstacle;
+  std::uint32_t& count = robot.config.cost.term_count;
+  if (count < TILLER_MAX_COST_TERMS) {
+    robot.config.terms[count++] = term;
+  } else {
+    errors.at_table(table, key, "there are more than " + std::to_string(count) + " terms of [[cost. ]] in all",
+                    "keep at most " + std::to_string(TILLER_MAX_COST_TERMS));
   }
 }
 
-void read_obstacles(SectionReader& section, RobotFile& robot) {
-  const toml::node* node = section.node("obstacles");
+void read_catalogue_terms(SectionReader& section, std::uint32_t kind, RobotFile& robot) {
+  const std::string key = cost_term_key(kind), path = "cost." + key;
+  const toml::node* node = section.node(key);
   if (!node) return;
-  const char* remedy = "head each obstacle with [[cost.obstacles]]";
+  const std::string remedy = std::string("head each ") + cost_term_info(kind).name + " with [[" + path + "]]";
   const toml::array* list = node->as_array();
   if (!list) {
-    section.error("obstacles", "is " + kind_text(*node), remedy);
+    section.error(key, "is " + kind_text(*node), remedy);
     return;
   }
   std::size_t index = 0;
   for (const toml::node& element : *list) {
-    ++index;
-    if (const toml::table* table = element.as_table()) {
-      read_obstacle(section.errors(), *table, index, robot);
-    } else {
-      section.errors().at(element, "cost.obstacles", "is " + kind_text(element), remedy);
-    }
+    if (const toml::table* table = element.as_table())
+      read_term(section.errors(), *table, kind, ++index, robot);
+    else
+      section.errors().at(element, path, "is " + kind_text(element), remedy);
   }
-  if (index > TILLER_MAX_OBSTACLES)
-    section.errors().at_table(*node, "cost.obstacles", "there are " + std::to_string(index),
-                              "keep at most " + std::to_string(TILLER_MAX_OBSTACLES));
 }
 
 /// A trajectory of the file that `node` names; what is wrong with it stands behind the node's line.
@@ -203,7 +209,7 @@ void read_cost_terms(FileErrors& errors, const toml::table& root, RobotFile& rob
   SectionReader section(errors, "cost", "cost", root["cost"].as_table());
   auto rows = std::make_shared<TaskRows>();
   read_bounds(section, robot);
-  read_obstacles(section, robot);
+  for (std::uint32_t kind = 0; kind < tiller_cost_term_kind_count; ++kind) read_catalogue_terms(section, kind, robot);
   read_reference(section, robot, *rows);
   read_demonstration(section, robot, *rows);
   read_outputs(section, robot, *rows);

@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "abi/config_fields.hpp"
+#include "costs/cost_term_info.hpp"
 #include "effects/effect_info.hpp"
 #include "planners/planner.hpp"
 #include "posterior/posterior.hpp"
@@ -49,8 +50,6 @@ const std::vector<SectionSpec> kSections = {
      "are added per step, each with its weight."},
     {"cost.bounds.*", "in [cost]: bounds = { state = { ... } }",
      "Bounds of one state: soft by a weight, hard for sqp."},
-    {"cost.obstacles[]", "[[cost.obstacles]]",
-     "A circle in the plane of two states of the model, as often as needed, at most 8 times."},
     {"cost.outputs.*", "in [cost]: outputs = { output = { ... } }",
      "Target and bounds of one output of the model (`tiller check` lists them). Outputs do not wrap."},
     {"cost.frames.*", "in [cost]: frames = { frame = { ... } }",
@@ -150,8 +149,6 @@ const std::vector<KeySpec> kOthers = {
      "JSON of `tiller distill` or `tiller policy` (docs/reference/networks.md), relative to the robot file"},
     {"cost", "bounds", K::other, "", "none", 0, 0, false, hand, nullptr,
      "bounds of states, { state = { low = .., high = .., weight = .., hard = .. } }"},
-    {"cost", "obstacles", K::other, "", "none", 0, 0, false, hand, nullptr,
-     "circles to keep out of, as [[cost.obstacles]]"},
     {"cost", "outputs", K::other, "", "none", 0, 0, false, hand, nullptr,
      "costs of the model's outputs, { output = { target = .., weight = .., low = .., bound_weight = .. } }"},
     {"cost", "frames", K::other, "", "none", 0, 0, false, hand, nullptr,
@@ -173,16 +170,6 @@ const std::vector<KeySpec> kOthers = {
      "b: per step b times the square of what the state is outside", nullptr, kLeastWeight},
     {"cost.bounds.*", "hard", K::flag, "", "false", 0, 1, false, hand, nullptr,
      "true: sqp keeps the bounds as constraints; other planners know the weight alone"},
-
-    {"cost.obstacles[]", "x_state", K::text, "", kRequired, 0, 0, false, hand, nullptr,
-     "the state that is the plane's first axis"},
-    {"cost.obstacles[]", "y_state", K::text, "", kRequired, 0, 0, false, hand, nullptr, "and the second"},
-    {"cost.obstacles[]", "x_m", K::number, "m", kRequired, -kValue, kValue, false, hand, nullptr, "centre"},
-    {"cost.obstacles[]", "y_m", K::number, "m", kRequired, -kValue, kValue, false, hand, nullptr, "centre"},
-    {"cost.obstacles[]", "radius_m", K::number, "m", kRequired, kLeastScale, kScale, false, hand, nullptr,
-     "the robot's own radius and any margin included"},
-    {"cost.obstacles[]", "weight", K::number, "1/m^2", kRequired, 0, kWeight, false, hand, nullptr,
-     "per step weight times depth^2, depth = how far inside the circle", nullptr, kLeastWeight},
 
     {"cost.outputs.*", "target", K::number, "SI", "none", -kValue, kValue, false, hand, nullptr, "where it is wanted"},
     {"cost.outputs.*", "weight", K::number, "1/SI^2", "0", 0, kWeight, false, hand, nullptr,
@@ -470,15 +457,65 @@ std::vector<KeySpec> settings() {
 #undef AT
 }
 
+/// Where the terms of costs.def stand in a robot file.
+constexpr struct {
+  const char *key, *section, *header;
+} kTerms[] = {
+#define TILLER_COST_TERM(key, Type) {#key, "cost." #key "[]", "[[cost." #key "]]"},
+#include "tiller/costs.def"
+#undef TILLER_COST_TERM
+};
+
+void add_term_keys(std::uint32_t kind, std::vector<KeySpec>& keys) {
+  const CostTermInfo& info = cost_term_info(kind);
+  const char* const section = kTerms[kind].section;
+  keys.push_back({"cost", kTerms[kind].key, K::other, "", "none", 0, 0, false, hand, nullptr, info.help});
+  for (std::uint32_t i = 0; i < info.state_count; ++i)
+    keys.push_back(
+        {section, info.states[i].key, K::text, "", kRequired, 0, 0, false, hand, nullptr, info.states[i].help});
+  for (std::uint32_t i = 0; i < info.param_count; ++i) {
+    const CostTermParam& p = info.params[i];
+    keys.push_back({section, p.key, K::number, p.unit, kRequired, p.low, p.high, false, hand, nullptr, p.help});
+  }
+  keys.push_back({section, "weight", K::number, info.weight_unit, kRequired, 0, kWeight, false, hand, nullptr,
+                  "of the square of the equation's value, per period", nullptr, kLeastWeight});
+}
+
 std::vector<KeySpec> all_keys() {
   std::vector<KeySpec> keys = kLeading;
   for (const std::vector<KeySpec>& more : {settings(), kOthers}) keys.insert(keys.end(), more.begin(), more.end());
+  for (std::uint32_t kind = 0; kind < tiller_cost_term_kind_count; ++kind) add_term_keys(kind, keys);
   return keys;
+}
+
+/// Those above, and behind [cost] the terms of costs.def with their equations.
+std::vector<SectionSpec> all_sections() {
+  static const std::vector<std::string> kHelp = [] {
+    std::vector<std::string> help;
+    for (std::uint32_t kind = 0; kind < tiller_cost_term_kind_count; ++kind) {
+      const CostTermInfo& info = cost_term_info(kind);
+      help.push_back(std::string(info.help) + " A period costs weight times the square of " + info.equation +
+                     ". As often as needed; of all such terms a robot has at most " +
+                     std::to_string(TILLER_MAX_COST_TERMS) + ".");
+    }
+    return help;
+  }();
+  std::vector<SectionSpec> sections;
+  for (const SectionSpec& section : kSections) {
+    if (std::string(section.name) == "cost.outputs.*")
+      for (std::uint32_t kind = 0; kind < tiller_cost_term_kind_count; ++kind)
+        sections.push_back({kTerms[kind].section, kTerms[kind].header, kHelp[kind].c_str()});
+    sections.push_back(section);
+  }
+  return sections;
 }
 
 }  // namespace
 
-const std::vector<SectionSpec>& robot_sections() { return kSections; }
+const std::vector<SectionSpec>& robot_sections() {
+  static const std::vector<SectionSpec> kAll = all_sections();
+  return kAll;
+}
 const std::vector<KeySpec>& robot_keys() {
   static const std::vector<KeySpec> kKeys = all_keys();
   return kKeys;

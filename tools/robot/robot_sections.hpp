@@ -26,7 +26,7 @@ void read_forgetting(SectionReader& posterior, RobotFile& robot);
 void read_drift(SectionReader& posterior, RobotFile& robot);
 /// After the parameters and effects, whose priors it goes before.
 void read_prior_file(SectionReader& posterior, RobotFile& robot);
-/// Bounds, obstacles, trajectories and the own cost of [cost]; after the keys that are bound to fields.
+/// Bounds, terms of the catalogue, trajectories and the own cost of [cost]; after the keys that are bound to fields.
 void read_cost_terms(FileErrors& errors, const toml::table& root, RobotFile& robot);
 /// Its outputs, frames and clearance.
 void read_outputs(SectionReader& cost, RobotFile& robot, TaskRows& rows);

@@ -1,11 +1,13 @@
 #include "tools/run/run_facts.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "costs/cost_term_info.hpp"
 #include "posterior/posterior.hpp"
 #include "posterior/prior.hpp"
 #include "tools/base/frame_names.hpp"
@@ -82,7 +84,10 @@ Json plane_of(const RobotFile& robot) {
   std::vector<std::size_t> axes;
   for (std::size_t i = 0; i < robot.states.size(); ++i)
     if (unit_of_field(robot.states[i]) == "m") axes.push_back(i);
-  if (cost.obstacle_count > 0) axes = {cost.obstacles[0].x_state, cost.obstacles[0].y_state};
+  const auto is_circle = [](const tiller_cost_term_t& term) { return cost_term_info(term.kind).circle; };
+  const tiller_cost_term_t* const end = cost.terms + cost.term_count;
+  const tiller_cost_term_t* const first = std::find_if(cost.terms, end, is_circle);
+  if (first != end) axes = {first->states[0], first->states[1]};
   if (axes.size() != 2) {
     axes.clear();
     for (const char* name : {"x_m", "y_m"})
@@ -91,11 +96,9 @@ Json plane_of(const RobotFile& robot) {
   }
   if (axes.size() != 2) return nullptr;
   Json plane = {{"x", robot.states[axes[0]]}, {"y", robot.states[axes[1]]}, {"obstacles", Json::array()}};
-  for (std::uint32_t i = 0; i < cost.obstacle_count; ++i) {
-    const tiller_obstacle_t& o = cost.obstacles[i];
-    if (o.x_state == axes[0] && o.y_state == axes[1])
-      plane["obstacles"].push_back(Json::array({o.x_m, o.y_m, o.radius_m}));
-  }
+  for (const tiller_cost_term_t* o = first; o != end; ++o)
+    if (is_circle(*o) && o->states[0] == axes[0] && o->states[1] == axes[1])
+      plane["obstacles"].push_back(Json::array({o->params[0], o->params[1], o->params[2]}));
   return plane;
 }
 

@@ -23,7 +23,7 @@ struct Config : tiller_config_t {
   double state_low[TILLER_MAX_STATES];                           ///< cost.state_low: none
   double state_high[TILLER_MAX_STATES];                          ///< cost.state_high: none
   double bound_weight[TILLER_MAX_STATES] = {};                   ///< cost.bound_weight
-  tiller_obstacle_t obstacles[TILLER_MAX_OBSTACLES] = {};        ///< cost.obstacles
+  tiller_cost_term_t terms[TILLER_MAX_COST_TERMS] = {};          ///< cost.terms
   tiller_input_cone_t cones[TILLER_MAX_INPUT_CONES] = {};        ///< safety.cones
   double hold_gain[TILLER_MAX_INPUTS * TILLER_MAX_STATES] = {};  ///< safety.hold_gain, rows of the model's states
   double measurement_low[TILLER_MAX_MEASUREMENTS];               ///< safety.measurement_low: none
@@ -51,7 +51,7 @@ struct Config : tiller_config_t {
     cost.state_low = state_low;
     cost.state_high = state_high;
     cost.bound_weight = bound_weight;
-    cost.obstacles = obstacles;
+    cost.terms = terms;
     safety.cones = cones;
     safety.hold_gain = hold_gain;
     safety.measurement_low = measurement_low;
@@ -67,7 +67,7 @@ struct Config : tiller_config_t {
     std::fill(std::begin(state_low), std::end(state_low), -HUGE_VAL);
     std::fill(std::begin(state_high), std::end(state_high), HUGE_VAL);
     std::fill(std::begin(bound_weight), std::end(bound_weight), 0.0);
-    std::fill(std::begin(obstacles), std::end(obstacles), tiller_obstacle_t{});
+    std::fill(std::begin(terms), std::end(terms), tiller_cost_term_t{});
     std::fill(std::begin(hold_gain), std::end(hold_gain), 0.0);
     std::fill(std::begin(measurement_low), std::end(measurement_low), -HUGE_VAL);
     std::fill(std::begin(measurement_high), std::end(measurement_high), HUGE_VAL);
@@ -86,7 +86,7 @@ struct Config : tiller_config_t {
     copy(other.cost.state_low, nx, state_low);
     copy(other.cost.state_high, nx, state_high);
     copy(other.cost.bound_weight, nx, bound_weight);
-    copy(other.cost.obstacles, other.cost.obstacle_count, obstacles);
+    copy(other.cost.terms, other.cost.term_count, terms);
     copy(other.safety.cones, other.safety.cone_count, cones);
     copy(other.safety.hold_gain, nu * nx, hold_gain);
     copy(other.safety.measurement_low, other.measurement_count, measurement_low);
@@ -102,7 +102,7 @@ struct Config : tiller_config_t {
     copy(other.state_low, TILLER_MAX_STATES, state_low);
     copy(other.state_high, TILLER_MAX_STATES, state_high);
     copy(other.bound_weight, TILLER_MAX_STATES, bound_weight);
-    copy(other.obstacles, TILLER_MAX_OBSTACLES, obstacles);
+    copy(other.terms, TILLER_MAX_COST_TERMS, terms);
     copy(other.cones, TILLER_MAX_INPUT_CONES, cones);
     copy(other.hold_gain, TILLER_MAX_INPUTS * TILLER_MAX_STATES, hold_gain);
     copy(other.measurement_low, TILLER_MAX_MEASUREMENTS, measurement_low);
@@ -113,7 +113,7 @@ struct Config : tiller_config_t {
     own(other.state_low, cost.state_low, state_low);
     own(other.state_high, cost.state_high, state_high);
     own(other.bound_weight, cost.bound_weight, bound_weight);
-    own(other.obstacles, cost.obstacles, obstacles);
+    own(other.terms, cost.terms, terms);
     own(other.cones, safety.cones, cones);
     own(other.hold_gain, safety.hold_gain, hold_gain);
     own(other.measurement_low, safety.measurement_low, measurement_low);

@@ -168,17 +168,17 @@ typedef enum tiller_posterior_kind {
 
 /** How the posterior is kept. */
 typedef struct tiller_posterior_config {
-  uint32_t enabled;         /**< 0: frozen at the prior (the state is still estimated) */
-  uint32_t particles;       /**< N, a multiple of 16, 16..4096 */
-  uint32_t window;          /**< transitions kept for moves, 16..1024 */
-  uint32_t moves_per_tick;  /**< Metropolis moves per tick, a multiple of 8, 0..N */
-  double ess_fraction;      /**< resample when the effective sample size falls below this share of N, 1e-6..1 */
-  double noise_scale_shape; /**< a0 of the inverse gamma over the noise variance's scale (`transition`: one scale per
+  uint32_t enabled;          /**< 0: frozen at the prior (the state is still estimated) */
+  uint32_t particles;        /**< N, a multiple of 16, 16..4096 */
+  uint32_t window;           /**< transitions kept for moves, 16..1024 */
+  uint32_t moves_per_tick;   /**< Metropolis moves per tick, a multiple of 8, 0..N */
+  double ess_fraction;       /**< resample when the effective sample size falls below this share of N, 1e-6..1 */
+  double noise_scale_shape;  /**< a0 of the inverse gamma over the noise variance's scale (`transition`: one scale per
                                     state; else one for all); the larger, the more the configured noise is believed;
                                     1e-6..1e6 */
-  uint32_t kind;            /**< tiller_posterior_kind_t */
-  uint32_t robust;          /**< transition: 1: one weight per transition, low where no particle explains it */
-  uint32_t disturbance;     /**< filter: 1: at each joint a force that the model lacks, which wanders (of a model
+  uint32_t kind;             /**< tiller_posterior_kind_t */
+  uint32_t robust;           /**< transition: 1: one weight per transition, low where no particle explains it */
+  uint32_t disturbance;      /**< filter: 1: at each joint a force that the model lacks, which wanders (of a model
                                     without joints a slip of each state with process_sd), beside the parameters; of up
                                     to four joints a viscous and a dry one too; plans count them. transition: at the
                                     first four joints, constant, viscous and dry; residuals may be correlated */
@@ -270,14 +270,28 @@ typedef struct tiller_planner_config {
   double exploration;     /**< MCTS: weight of the confidence bound, in shares of the costs' range, in [0, 1e6] */
 } tiller_planner_config_t;
 
-/** A circle to keep out of, in the plane of two states of the model. */
-typedef struct tiller_obstacle {
-  uint32_t x_state, y_state; /**< indices of the states that are the plane's axes */
-  double x_m, y_m;           /**< centre; values */
-  double radius_m;           /**< the robot's own radius and any margin included; a scale */
-  double weight;             /**< cost per step: weight * depth^2, depth = max(0, radius - distance) */
-} tiller_obstacle_t;
-#define TILLER_MAX_OBSTACLES 8
+#define TILLER_MAX_COST_TERMS 8
+#define TILLER_MAX_COST_TERM_STATES 4
+#define TILLER_MAX_COST_TERM_PARAMS 6
+
+/** The kinds of terms of the cost that are made of a residual of a few states: one for each line of costs.def, in its
+ *  order. */
+typedef enum tiller_cost_term_kind {
+#define TILLER_COST_TERM(key, Type) tiller_cost_term_##key,
+#include "tiller/costs.def"
+#undef TILLER_COST_TERM
+  tiller_cost_term_kind_count
+} tiller_cost_term_kind_t;
+
+/** A term of the catalogue: a period, and the horizon's last state, cost weight r(states, params)^2. What the states
+ *  and parameters of a kind are, and which ranges they have: docs/reference/costs.md. */
+typedef struct tiller_cost_term {
+  uint32_t kind;                                /**< tiller_cost_term_kind_t */
+  uint32_t states[TILLER_MAX_COST_TERM_STATES]; /**< indices of different states, as many as the kind has */
+  uint32_t reserved;
+  double weight; /**< a weight; 0: off */
+  double params[TILLER_MAX_COST_TERM_PARAMS];
+} tiller_cost_term_t;
 
 /** The cost of the last state of the horizon. */
 typedef enum tiller_terminal {
@@ -330,7 +344,7 @@ typedef struct tiller_output_cost {
  *  + w_s (1 - exp(-1/2 sum_i ((x_i-t_i) / width_i)^2))       saturating (Deisenroth and Rasmussen, PILCO, 2011)
  *  + sum_i b_i max(0, low_i - x_i, x_i - high_i)^2           soft bounds
  *  + sum_j w_j (y_j-t_j)^2 + b_j max(0, low_j - y_j, y_j - high_j)^2    outputs y of the model
- *  + obstacles + demonstration + own
+ *  + terms of the catalogue costs.def + demonstration + own
  *
  *  and at the end of the horizon Qf in the place of Q, without the inputs. Where a reference is given, its row takes
  *  the place of t. */
@@ -342,7 +356,7 @@ typedef struct tiller_cost_config {
   double input_rate_weight[TILLER_MAX_INPUTS]; /**< S, weights */
 
   uint32_t terminal;                          /**< tiller_terminal_t */
-  uint32_t obstacle_count;                    /**< 0..TILLER_MAX_OBSTACLES */
+  uint32_t term_count;                        /**< 0..TILLER_MAX_COST_TERMS */
   double saturating_weight;                   /**< w_s, a weight */
   double saturating_width[TILLER_MAX_STATES]; /**< scales; INFINITY: the state has no say */
 
@@ -355,7 +369,7 @@ typedef struct tiller_cost_config {
   double
       bound_risk; /**< `sqp`: hard bounds are kept so far away that the predicted spread carries the state beyond them
                           with this probability, over the horizon; in (0, 0.5], 0: off */
-  const tiller_obstacle_t* obstacles; /**< (obstacle_count) */
+  const tiller_cost_term_t* terms; /**< (term_count) of the catalogue */
 
   /* A trajectory to track: row k is the target k periods after the task began; the last row holds. The arrays are
    * the caller's and outlive the controller, as the model's table does. */
@@ -406,13 +420,13 @@ typedef struct tiller_safety_config {
   const double* measurement_low;  /**< (ny) outside: sensor_out_of_range; values, or +-INFINITY for none; null: none.
                                       Beyond TILLER_LARGEST_VALUE a reading is out of range always */
   const double* measurement_high; /**< (ny) likewise */
-  const double* measurement_rate_per_s; /**< (ny) faster: sensor_jump; scales, INFINITY for none; null: none */
-  double sensor_timeout_s;              /**< older than this: SAFE */
-  uint32_t frozen_ticks;                /**< identical readings in a row under a moving plan: SAFE; 0: off */
-  uint32_t bad_ticks_to_safe;           /**< consecutive rejected measurements: SAFE */
-  uint32_t hold_ticks_to_safe;          /**< consecutive ticks in HOLD: SAFE; 0: HOLD may last */
-  uint32_t cone_count;                  /**< 0..TILLER_MAX_INPUT_CONES */
-  const tiller_input_cone_t* cones;     /**< (cone_count) kept by every planner and by the last gate */
+  const double* measurement_rate_per_s;    /**< (ny) faster: sensor_jump; scales, INFINITY for none; null: none */
+  double sensor_timeout_s;                 /**< older than this: SAFE */
+  uint32_t frozen_ticks;                   /**< identical readings in a row under a moving plan: SAFE; 0: off */
+  uint32_t bad_ticks_to_safe;              /**< consecutive rejected measurements: SAFE */
+  uint32_t hold_ticks_to_safe;             /**< consecutive ticks in HOLD: SAFE; 0: HOLD may last */
+  uint32_t cone_count;                     /**< 0..TILLER_MAX_INPUT_CONES */
+  const tiller_input_cone_t* cones;        /**< (cone_count) kept by every planner and by the last gate */
   double contact_force[TILLER_MAX_STATES]; /**< of the joint whose velocity this state is, N or N m, scales: a larger
                                                 force beyond the model is a contact; INFINITY: none. Wants
                                                 posterior.disturbance */
@@ -479,7 +493,7 @@ typedef struct tiller_policy {
 } tiller_policy_t;
 
 /** Everything a controller is made from. Constant after init: it is copied into the block, with the arrays of priors,
- *  effects, bounds, obstacles, outputs, gains and sensor limits that it points to; the model's table, the mixture,
+ *  effects, bounds, cost terms, outputs, gains and sensor limits that it points to; the model's table, the mixture,
  *  networks and the rows of references and demonstrations are the caller's. The host tools write it from a robot file; see
  *  docs/reference/robot_file.md. C++ fills one with its arrays by tiller::Config (tiller/config.hpp). */
 typedef struct tiller_config {
@@ -518,7 +532,7 @@ typedef struct tiller_config {
 } tiller_config_t;
 
 /** Fills every field with a documented default for a model: RK4, one substep, MPPI, no effects, no priors (null:
- *  refused by tiller_init where the model has parameters), no bounds, no obstacles, command limits zero. Without a model (NULL, because
+ *  refused by tiller_init where the model has parameters), no bounds, no terms, command limits zero. Without a model (NULL, because
  *  tiller_find_model found none) no_model, which every use of the configuration then says too. */
 tiller_status_t tiller_config_default(tiller_config_t* config, const tiller_model_t* model);
 
@@ -635,10 +649,10 @@ typedef struct tiller_info {
   double force_sd[TILLER_MAX_JOINTS];
   double drift_evidence[TILLER_MAX_DRIFTS]; /**< of the parameters of posterior.drift, in their order: logarithm of how
                                                  much likelier the data make a walk than none */
-  double jump_evidence[TILLER_MAX_DRIFTS];   /**< the same, of one jump than of none */
-  double jump_age_s[TILLER_MAX_DRIFTS];      /**< how long ago the likeliest jump was */
-  double jump_by[TILLER_MAX_DRIFTS];         /**< and how large, in the parameter's unit */
-  double viscous_mean[TILLER_MAX_JOINTS];    /**< N s/m or N m s: friction at joint j beyond the model's that grows with
+  double jump_evidence[TILLER_MAX_DRIFTS];  /**< the same, of one jump than of none */
+  double jump_age_s[TILLER_MAX_DRIFTS];     /**< how long ago the likeliest jump was */
+  double jump_by[TILLER_MAX_DRIFTS];        /**< and how large, in the parameter's unit */
+  double viscous_mean[TILLER_MAX_JOINTS];   /**< N s/m or N m s: friction at joint j beyond the model's that grows with
                                                   speed; 0 where none is looked for */
   double viscous_sd[TILLER_MAX_JOINTS];
   double dry_mean[TILLER_MAX_JOINTS]; /**< N or N m: dry friction at joint j beyond the model's */

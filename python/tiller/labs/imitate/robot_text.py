@@ -10,9 +10,9 @@ from tomlkit.items import Float, Integer
 
 from .problem import ImitationError
 
-# What stands below [cost] and multiplies a term. A * is any name or index.
+# What stands below [cost] and multiplies a term. A * is any name or index, a # an index: the terms of the catalogue.
 WEIGHTS = ("state_weight.*", "terminal_weight.*", "bounds.*.weight", "input_weight.*", "input_rate_weight.*",
-           "saturating_weight", "obstacles.*.weight", "outputs.*.weight", "outputs.*.terminal_weight",
+           "saturating_weight", "*.#.weight", "outputs.*.weight", "outputs.*.terminal_weight",
            "outputs.*.bound_weight")
 
 
@@ -32,7 +32,7 @@ def _matches(node: Any, pattern: Sequence[str], path: str) -> Iterator[tuple[str
             yield path, float(node)
         return
     for step in _steps(node):
-        if pattern[0] in ("*", step):
+        if pattern[0] in ("*", step) or (pattern[0] == "#" and isinstance(node, list)):
             yield from _matches(_below(node, step), pattern[1:], f"{path}.{step}")
 
 
