@@ -69,3 +69,37 @@ def test_a_wrong_option_ends_with_1(tmp_path):
     ended = subprocess.run([sys.executable, "-m", "tiller.labs", "infer", "--simulations", "5", "a", "b"],
                            capture_output=True, text=True, timeout=300)
     assert ended.returncode == 1 and "--simulations" in ended.stderr
+
+
+COMPILES = """
+from tiller.labs import _compiled
+_compiled.SMALLEST["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
+_compiled.MOST_BYTES = %d
+_compiled.keep()
+import jax
+print(float(jax.jit(lambda x: jax.numpy.sin(x) @ x)(jax.numpy.ones(7))))
+"""
+
+
+def compiles(cache, most_bytes=200_000_000):
+    kept = {name: value for name, value in os.environ.items() if name != "JAX_COMPILATION_CACHE_DIR"}
+    ended = subprocess.run([sys.executable, "-c", COMPILES % most_bytes], capture_output=True, text=True, timeout=300,
+                           env=dict(kept, XDG_CACHE_HOME=str(cache)))
+    assert ended.returncode == 0, ended.stderr
+    assert abs(float(ended.stdout) - 5.8903) < 1e-4
+    return sorted(p for p in cache.rglob("*-cache") if p.is_file())
+
+
+def test_what_was_compiled_is_kept_and_may_be_lost(tmp_path):
+    pytest.importorskip("jax")
+    first = compiles(tmp_path)
+    assert first
+    written = [p.stat().st_mtime_ns for p in first]
+    assert compiles(tmp_path) == first and [p.stat().st_mtime_ns for p in first] == written
+    for path in first:
+        path.write_bytes(b"cut")
+    assert compiles(tmp_path) == first  # a broken entry is compiled anew
+    (first[0].parent / "old-cache").write_bytes(b"x" * 100)
+    assert first[0].parent / "old-cache" not in compiles(tmp_path, 50)  # room is made
+    (tmp_path / "file").write_text("")
+    compiles(tmp_path / "file")  # nowhere to keep it

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from importlib import import_module
 
 from .._errors import Error
-from . import _install
+from . import _compiled, _install
 
 # Each is a module NAME_command with add(parser), which needs no JAX, and run(arguments) -> exit code.
 # tools/cli/laboratories.cpp has the same names for `tiller --help`.
@@ -41,6 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0 if _install.is_ready() else _tell_missing()
     if words == ["--methods"]:  # of tiller identify and tiller run, for as long as they ask
         _install.provide(words)
+        _compiled.keep()
         return int(import_module(".methods.serve", __package__).serve())
     try:
         a = _parser(words).parse_args(words)
@@ -48,6 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1 if end.code else 0
     try:
         _install.provide(words)
+        _compiled.keep()
         return int(import_module(f".{a.command}_command", __package__).run(a))
     except Error as problem:
         print(f"tiller {a.command}: {problem}", file=sys.stderr)
