@@ -61,6 +61,8 @@ std::vector<Limit> all_limits() {
       of_key("planner", "nodes", "tree search: nodes"),
       // task
       TILLER_LIMIT("terms of costs.def, all kinds together", TILLER_MAX_COST_TERMS),
+      TILLER_LIMIT("states of such a term", TILLER_MAX_COST_TERM_STATES),
+      TILLER_LIMIT("parameters of such a term", TILLER_MAX_COST_TERM_PARAMS),
       TILLER_LIMIT("cones of inputs", TILLER_MAX_INPUT_CONES),
       TILLER_LIMIT("periods of a reference or demonstration", kMostTrajectoryPeriods),
       // what is learnt

@@ -459,9 +459,9 @@ std::vector<KeySpec> settings() {
 
 /// Where the terms of costs.def stand in a robot file.
 constexpr struct {
-  const char *key, *section, *header;
+  const char *key, *section, *header, *help;
 } kTerms[] = {
-#define TILLER_COST_TERM(key, Type) {#key, "cost." #key "[]", "[[cost." #key "]]"},
+#define TILLER_COST_TERM(key, Type) {#key, "cost." #key "[]", "[[cost." #key "]]", "as [[cost." #key "]]"},
 #include "tiller/costs.def"
 #undef TILLER_COST_TERM
 };
@@ -469,7 +469,7 @@ constexpr struct {
 void add_term_keys(std::uint32_t kind, std::vector<KeySpec>& keys) {
   const CostTermInfo& info = cost_term_info(kind);
   const char* const section = kTerms[kind].section;
-  keys.push_back({"cost", kTerms[kind].key, K::other, "", "none", 0, 0, false, hand, nullptr, info.help});
+  keys.push_back({"cost", kTerms[kind].key, K::other, "", "none", 0, 0, false, hand, nullptr, kTerms[kind].help});
   for (std::uint32_t i = 0; i < info.state_count; ++i)
     keys.push_back(
         {section, info.states[i].key, K::text, "", kRequired, 0, 0, false, hand, nullptr, info.states[i].help});
