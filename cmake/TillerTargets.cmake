@@ -99,7 +99,8 @@ function(tiller_library name)
 endfunction()
 
 # tiller_catalogue(folder macro): <folder>/catalogue.hpp, which includes the header of every line of
-# tiller/<folder>.def: one more of its kind is one header and one line.
+# tiller/<folder>.def: one more of its kind is one header and one line. The global property TILLER_CATALOGUES lists the
+# folders in which a compiler finds them.
 function(tiller_catalogue folder macro)
   set(def ${PROJECT_SOURCE_DIR}/runtime/include/tiller/${folder}.def)
   set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${def})
@@ -112,6 +113,7 @@ function(tiller_catalogue folder macro)
   set(header ${PROJECT_BINARY_DIR}/generated/${folder}/${folder}/catalogue.hpp)
   file(CONFIGURE OUTPUT ${header} CONTENT "${includes}" @ONLY)
   install(FILES ${header} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/tiller/runtime/${folder})
+  set_property(GLOBAL APPEND PROPERTY TILLER_CATALOGUES ${PROJECT_BINARY_DIR}/generated/${folder})
 endfunction()
 
 # tiller_include_root(result folder): a folder of links, in the build, through which the headers of this one folder of

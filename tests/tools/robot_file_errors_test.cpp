@@ -195,7 +195,7 @@ const Mistake kMistakes[] = {
     {"obstacle_on_one_axis", "[limits]",
      "[[cost.obstacles]]\nx_state = \"position_m\"\ny_state = \"position_m\"\nx_m = 1\n"
      "y_m = 0\nradius_m = 1\nweight = 1\n[limits]",
-     "y_state", "cost.obstacles[1].y_state", "name two states"},
+     "y_state", "cost.obstacles[1].y_state", "name another state"},
     {"cones_as_number", "[safety]", "[safety]\ncones = 3", "cones = 3", "safety.cones = 3", "[[safety.cones]]"},
     {"cone_element_no_table", "[safety]", "[safety]\ncones = [3]", "cones = [3]", "safety.cones", "[[safety.cones]]"},
     {"cone_unknown_key", "[recorder]\n", "[[safety.cones]]\ninputs = [\"force_N\"]\nlimt = 5\nlimit = 5\n[recorder]\n",
