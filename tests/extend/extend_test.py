@@ -243,7 +243,8 @@ def main():
         return
     tiller = build(work, venv)
 
-    text = (source / "robots/pendulum.toml").read_text()
+    # a plant that draws hides the file's effects, and nobody has written this one for it
+    text = (source / "robots/pendulum.toml").read_text().replace("draw = true", "draw = false")
     robot = work / "robot.toml"
 
     def say(*arguments):
@@ -316,9 +317,12 @@ def main():
     expect("the protocol's nodes are kept", code != 0 and "a motor of nobody has a node from 1 to 9" in told, told)
     robot.write_text(text + can % 3)
     code, told = say("run", str(robot), "--transport", "can", "--seconds", "1")
-    expect("the protocol is opened", code != 0 and "nowhere0" in told and "unknown" not in told, told)
+    # a kernel without CAN says so before it looks for the interface
+    reached = "nowhere0" in told or "AF_CAN" in told
+    expect("the protocol is opened", code != 0 and reached and "unknown" not in told, told)
     code, told = say("sim", str(robot), "--serve", "can", "--seconds", "1")
-    expect("the drive is emulated", code != 0 and "nowhere0" in told and "no drive speaks" not in told, told)
+    reached = "nowhere0" in told or "AF_CAN" in told
+    expect("the drive is emulated", code != 0 and reached and "no drive speaks" not in told, told)
 
 
 if __name__ == "__main__":
