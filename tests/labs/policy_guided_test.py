@@ -7,11 +7,12 @@ pytest.importorskip("jax")
 
 import jax.numpy as jnp
 
-from tiller.labs.policies.adaptive import AdaptiveLqr, AdaptiveOptions
-from tiller.labs.policies.guide import Goal, best_motions
-from tiller.labs.policies.guided import Condition, Guided, GuidedOptions, GuidedResult, GuidedStep, Local, guided_search
+from tiller.labs.policies.guide import Goal, Guide
+from tiller.labs.policies.guided import Condition, Guided, GuidedOptions, GuidedResult, GuidedStep, guided_search
 from tiller.labs.policies.laws import Law, Quadratic, expected_cost, kl_lqr, passage, soft_lqr
 from tiller.labs.policies.local import Data, LinearStep, fit_mixture, fit_step, prior_of_mixture, prior_of_model
+from tiller.labs.policies.local_laws import Local
+from tiller.labs.policies.physics import Family
 from tiller.labs.policies.plant import Trial
 from tiller.labs.policies.task import Task
 
@@ -108,12 +109,13 @@ def test_laws_without_a_bound_are_the_lqr():
 # ---- guided search ------------------------------------------------------------------------------------
 
 BELIEVED = slope_of(0.8, 0.4)  # of a plant that the model does not quite know
+FAMILY = Family(lambda _: physics_of(BELIEVED), lambda rows: None, None)
 GOAL = Goal(np.zeros(2), np.array([4.0, 0.2]), np.array([4.0, 0.2]), np.array([0.3]), np.array([-4.0]), np.array([4.0]))
 
 
 def mass_task():
     return Task(["position_m", "velocity_m_s"], ["force_N"], [], GOAL.low, GOAL.high, np.zeros(2), np.eye(2), 0.1, 20,
-                np.zeros(2), np.eye(2), physics_of(BELIEVED))
+                np.zeros(2), np.eye(2))
 
 
 def condition(at):
@@ -130,7 +132,7 @@ def condition(at):
 
 
 def guided(options, conditions=(-1.0, 1.0)):
-    return Guided(mass_task(), GOAL, [condition(at) for at in conditions], np.zeros(2), options)
+    return Guided(mass_task(), GOAL, [condition(at) for at in conditions], np.zeros(2), options, FAMILY)
 
 
 SMALL = {"steps": 600, "hidden": [12], "epsilon": 1.0}
@@ -143,7 +145,7 @@ def quiet(step, index):
 def test_a_network_learns_what_the_lqr_does():
     result = GuidedResult()
     guided_search(mass_task(), GOAL, [condition(at) for at in (-1.0, 1.0)], np.zeros(2),
-                  GuidedOptions(iterations=5, **SMALL), quiet, result)
+                  GuidedOptions(iterations=5, **SMALL), quiet, result, FAMILY)
     _, value = riccati(slope_of(), np.diag(GOAL.state), np.diag(GOAL.control), np.diag(GOAL.terminal), 20)
     best = 0.5 * value[0, 0]  # of the true plant, from either start
     assert 0.999 * best < result.steps[result.best].policy_cost < 1.1 * best
@@ -201,48 +203,13 @@ def test_the_best_round_is_kept_on_every_ending():
 
 def test_first_motions_keep_their_limits_and_are_best_where_those_do_not_bind():
     goal = GOAL._replace(low=np.array([-40.0]), high=np.array([40.0]))
-    (x,), (u,), (gain,) = best_motions(physics_of(BELIEVED), goal, np.array([[1.0, 0.0]]), 20, 1)
+    guide, start = Guide(FAMILY.physics), np.array([[1.0, 0.0]])
+    found = guide.best(None, goal, start, 20, 1)
+    (x,), (u,), (gain,) = found.x, found.u, guide.gains(None, goal, found)
     gains, value = riccati(BELIEVED, np.diag(GOAL.state), np.diag(GOAL.control), np.diag(GOAL.terminal), 20)
     assert float(goal.of(x, u)) == pytest.approx(0.5 * value[0, 0], rel=1e-6)
     assert np.allclose(gain, gains, atol=1e-6)
     tight = GOAL._replace(low=np.array([-0.5]), high=np.array([0.5]))
-    (x,), (u,), (gain,) = best_motions(physics_of(BELIEVED), tight, np.array([[1.0, 0.0]]), 20, 1)
-    assert np.all(np.abs(u) <= 0.5) and u[0, 0] == -0.5 and gain[0].any()
-
-
-# ---- online -------------------------------------------------------------------------------------------
-
-
-def held(adapt):
-    """Where a point mass comes to rest whose motor of 0.6 pushes against 1.5 N more from period 60 on."""
-    options = AdaptiveOptions(np.zeros(2), np.array([-5.0]), np.array([5.0]), np.array([10.0, 1.0]), np.array([0.1]),
-                              np.full(2, 0.001), np.array([0.01, 0.1]), horizon=15, adapt=adapt)
-    controller, x = AdaptiveLqr(physics_of(slope_of()), options), np.array([0.5, 0.0])
-    for k in range(250):
-        u = controller.command(x)
-        after = slope_of() @ np.concatenate([x, u]) if k < 60 else (
-            slope_of(0.6) @ np.concatenate([x, u]) + [0, 0.1 * 1.5])
-        controller.learn(x, u, after)
-        x = after
-    return abs(x[0])
-
-
-def test_an_adaptive_lqr_holds_a_plant_that_breaks():
-    """At rest the motor balances the push: u = -push / gain. The model alone commands -stiffness x, and rests where
-    that is u."""
-    gains, _ = riccati(slope_of(), np.diag([10.0, 1.0]), np.eye(1) * 0.1, np.diag([10.0, 1.0]), 15)
-    alone = 1.5 / 0.6 / -gains[0][0, 0]
-    assert held(False) == pytest.approx(alone, rel=1e-3)
-    assert held(True) < 0.1 * alone  # what is left is the prior's pull on the offset
-
-
-def test_noise_of_a_quiet_loop_does_not_pass_for_slopes():
-    """A loop at rest tells nothing of the slopes: they stay the model's, however long it lasts."""
-    rng, sd = np.random.default_rng(6), 0.01
-    options = AdaptiveOptions(np.zeros(2), np.array([-5.0]), np.array([5.0]), np.array([10.0, 1.0]), np.array([0.1]),
-                              np.full(2, sd), np.array([0.01, 0.1]))
-    controller = AdaptiveLqr(physics_of(slope_of()), options)
-    for _ in range(200):
-        controller.learn(sd * rng.standard_normal(2), np.zeros(1), sd * rng.standard_normal(2))
-    slope, _ = controller.model(np.zeros(2), np.zeros(1))
-    assert np.allclose(slope, slope_of(), atol=0.02)  # least squares would say zero of all
+    found = guide.best(None, tight, start, 20, 1)
+    assert np.all(np.abs(found.u) <= 0.5) and found.u[0, 0, 0] == -0.5
+    assert not guide.gains(None, tight, found)[0, 0].any() and guide.gains(None, goal, found)[0, 0].any()

@@ -1,7 +1,8 @@
-"""First motions for guided search: iLQR on the robot file's model, from many guesses side by side."""
+"""iLQR on the robot file's model, from many guesses side by side: guided search's first motions, and its teacher."""
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -11,8 +12,9 @@ from .minimise import Numbers
 from .moments import Array
 from .physics import Physics
 
-GUESSES, KNOT = 24, 5  # of random commands, each held for so many periods
-ITERATIONS, LENGTHS = 80, 10  # step lengths 1, 1/2, ... side by side
+GUESSES, KNOT, FEW = 192, 5, 12  # random commands, each held for so many periods; the best that are followed
+SWEEPS, LENGTHS = 80, 10  # step lengths 1, 1/2, ... side by side
+ROWS = 96  # motions side by side
 DONE = 1e-6  # relative gain
 
 
@@ -32,19 +34,43 @@ class Goal(NamedTuple):
         return 0.5 * ((off[:-1]**2 @ self.state).sum() + off[-1]**2 @ self.terminal + (u**2 @ self.control).sum())
 
 
-def _followed(physics: Physics, goal: Goal, x: Array, u: Array, gain: Array, wish: Array,
-              length: Array) -> tuple[Array, Array]:
+Motion = tuple[Array, Array]
+
+
+class Motions(NamedTuple):
+    x: Numbers  # (n, T + 1, nx)
+    u: Numbers  # (n, T, nu)
+    cost: Numbers  # (n)
+
+    def of(self, which: Numbers) -> Motions:
+        return Motions(self.x[which], self.u[which], self.cost[which])
+
+    @classmethod
+    def joined(cls, parts: list[Motions]) -> Motions:
+        return cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def _in_rows(function: Callable[..., Any], *arrays: Numbers) -> list[Numbers]:
+    """What a program of ROWS rows gives for any number of them."""
+    n = len(arrays[0])
+    wide = [np.concatenate([a, np.repeat(a[-1:], -n % ROWS, 0)]) for a in arrays]
+    parts = [function(*(a[i:i + ROWS] for a in wide)) for i in range(0, len(wide[0]), ROWS)]
+    return [np.concatenate(column)[:n] for column in zip(*parts, strict=True)]
+
+
+def track(physics: Physics, goal: Goal, start: Array, x: Array, u: Array, gain: Array, more: Array) -> Motion:
+    """From a start, u + more with feedback from x (T + 1, nx), within the limits: states and commands."""
     def period(now: Array, at: tuple[Array, ...]) -> tuple[Array, tuple[Array, Array]]:
-        x_then, u_then, k, w = at
-        command = jnp.clip(u_then + length * w + k @ (now - x_then), goal.low, goal.high)
+        x_then, u_then, k = at
+        command = jnp.clip(u_then + k @ (now - x_then), goal.low, goal.high)
         after, _ = physics(jnp.concatenate([now, command]))
         return after, (after, command)
 
-    _, (states, commands) = jax.lax.scan(period, x[0], (x[:-1], u, gain, wish))
-    return jnp.concatenate([x[:1], states]), commands
+    _, (states, commands) = jax.lax.scan(period, start, (x[:-1], u + more, gain))
+    return jnp.concatenate([start[None], states]), commands
 
 
-def _policy(physics: Physics, goal: Goal, x: Array, u: Array) -> tuple[Array, Array]:
+def sweep(physics: Physics, goal: Goal, x: Array, u: Array) -> tuple[Array, Array]:
     """Gain and wish (T, ...) of the Riccati sweep; a command that is pressed against a limit has neither."""
     nx = x.shape[1]
     slopes = jax.vmap(physics)(jnp.concatenate([x[:-1], u], 1))[1]
@@ -67,54 +93,84 @@ def _policy(physics: Physics, goal: Goal, x: Array, u: Array) -> tuple[Array, Ar
     return jax.lax.scan(back, end, (slopes, x[:-1], u), reverse=True)[1]
 
 
-def _guesses(goal: Goal, horizon: int, seed: int) -> Numbers:
-    """(GUESSES, T, nu) from none to all of the range."""
-    rng, nu = np.random.default_rng([seed, 94]), len(goal.low)
-    share = rng.random((GUESSES, -(-horizon // KNOT), nu)) * np.linspace(0, 1, GUESSES)[:, None, None]
+def follow(physics: Physics, goal: Goal, start: Array, u: Array) -> Array:
+    """States (T + 1, nx) under commands (T, nu)."""
+    nothing = jnp.zeros((len(u), len(goal.low), len(start)))
+    return track(physics, goal, start, jnp.tile(start, (len(u) + 1, 1)), u, nothing, jnp.zeros_like(u))[0]
+
+
+def descend(physics: Physics, goal: Goal, x: Array, u: Array, cost: Array) -> tuple[Array, Array, Array]:
+    """A sweep of iLQR from a motion and its cost: the cheapest of some lengths, or the same again."""
+    gain, wish = sweep(physics, goal, x, u)
+    xs, us = jax.vmap(lambda s: track(physics, goal, x[0], x, u, gain, s * wish))(0.5 ** jnp.arange(LENGTHS))
+    costs = jax.vmap(goal.of)(xs, us)
+    costs = jnp.where(jnp.isfinite(costs), costs, jnp.inf)
+    at = jnp.argmin(costs)
+    good = costs[at] < cost
+    return jnp.where(good, xs[at], x), jnp.where(good, us[at], u), jnp.where(good, costs[at], cost)
+
+
+def random_commands(goal: Goal, count: int, horizon: int, rng: np.random.Generator) -> Numbers:
+    """(count, T, nu) from none to all of the range, each held for KNOT periods."""
+    share = rng.random((count, -(-horizon // KNOT), len(goal.low))) * np.linspace(0, 1, count)[:, None, None]
     middle = np.clip(0, goal.low, goal.high)
     side = np.where(rng.random(share.shape) < 0.5, goal.high - middle, goal.low - middle)
     return np.repeat(middle + share * side, KNOT, 1)[:, :horizon]
 
 
-def best_motions(physics: Physics, goal: Goal, starts: Numbers, horizon: int,
-                 seed: int) -> tuple[Numbers, Numbers, Numbers]:
-    """States (n, T + 1, nx), commands (n, T, nu) and gains (n, T, nu, nx) of the cheapest of GUESSES descents from each
-    start (n, nx). The gains are those without limits: `goal` may leave them room. Cost: ITERATIONS x GUESSES x LENGTHS
-    x n rollouts, twice, at most."""
-    count, nu, nx = len(starts), len(goal.low), starts.shape[1]
-    still = jnp.zeros((horizon, nu, nx))
+class Guide:
+    """iLQR from many starts and guesses side by side, on a model at parameters that may change: compiled once."""
 
-    @jax.jit
-    def begin(start: Array, u: Array) -> tuple[Array, Array, Array]:
-        def one(start: Array, u: Array) -> Array:
-            return _followed(physics, goal, jnp.tile(start, (horizon + 1, 1)), u, still, jnp.zeros_like(u), 0.0)[0]
-        x = jax.vmap(one)(start, u)
-        return x, u, jax.vmap(goal.of)(x, u)
+    def __init__(self, physics: Callable[[Any], Physics]) -> None:
+        many = lambda f, rows: jax.jit(jax.vmap(f, (None, None, *[0] * rows)))
+        self._begin = many(lambda p, goal, start, u: follow(physics(p), goal, start, u), 2)
+        self._cost = jax.jit(jax.vmap(lambda goal, x, u: goal.of(x, u), (None, 0, 0)))
+        self._better = many(lambda p, goal, x, u, cost: descend(physics(p), goal, x, u, cost), 3)
+        self._gains = many(lambda p, goal, x, u: sweep(physics(p), goal, x, u)[:1], 2)
+        self._track = many(lambda p, goal, start, x, u, gain: track(
+            physics(p), goal, start, x, u, gain, jnp.zeros_like(u))[1:], 4)
 
-    @jax.jit
-    def better(x: Array, u: Array, cost: Array) -> tuple[Array, Array, Array]:
-        def one(x: Array, u: Array, cost: Array) -> tuple[Array, Array, Array]:
-            gain, wish = _policy(physics, goal, x, u)
-            xs, us = jax.vmap(lambda s: _followed(physics, goal, x, u, gain, wish, s))(0.5 ** jnp.arange(LENGTHS))
-            costs = jax.vmap(goal.of)(xs, us)
-            costs = jnp.where(jnp.isfinite(costs), costs, jnp.inf)
-            at = jnp.argmin(costs)
-            good = costs[at] < cost
-            return jnp.where(good, xs[at], x), jnp.where(good, us[at], u), jnp.where(good, costs[at], cost)
-        return jax.vmap(one)(x, u, cost)
+    def descended(self, params: Any, goal: Goal, starts: Numbers, u: Numbers, sweeps: int) -> Motions:
+        """From each of the starts (n, nx) under its own commands (n, T, nu)."""
+        def some(starts: Numbers, u: Numbers) -> Motions:
+            x = self._begin(params, goal, starts, u)
+            cost = self._cost(goal, x, u)
+            for _ in range(sweeps):
+                before = cost
+                x, u, cost = self._better(params, goal, x, u, cost)
+                if np.all(np.asarray(before - cost) <= DONE * np.asarray(cost)):
+                    break
+            return Motions(np.asarray(x), np.asarray(u), np.where(np.isfinite(cost), cost, np.inf))
+        return Motions(*_in_rows(some, starts, np.clip(u, goal.low, goal.high)))
 
-    guesses = np.tile(_guesses(goal, horizon, seed), (count, 1, 1))
-    for _ in range(2):  # then from what was best of any start too: starts are near each other
-        x, u, cost = begin(np.repeat(starts, GUESSES, 0), guesses)
-        for _ in range(ITERATIONS):
-            before = cost
-            x, u, cost = better(x, u, cost)
-            if np.all(np.asarray(before - cost) <= DONE * np.asarray(cost)):
-                break
-        total = np.where(np.isfinite(cost), cost, np.inf)
-        guesses = np.array(u)
-        guesses[::GUESSES] = u[int(total.argmin())]
-    least = total.reshape(count, GUESSES).argmin(1) + GUESSES * np.arange(count)
-    free = goal._replace(low=np.full(nu, -np.inf), high=np.full(nu, np.inf))
-    gain, _ = jax.jit(jax.vmap(lambda x, u: _policy(physics, free, x, u)))(x[least], u[least])
-    return np.asarray(x[least]), np.asarray(u[least]), np.asarray(gain)
+    def motions(self, params: Any, goal: Goal, starts: Numbers, guesses: Numbers, sweeps: int) -> Motions:
+        """From starts (n, nx) the cheapest of what guesses (n, g, T, nu) descend to."""
+        n, g = guesses.shape[:2]
+        wide = guesses.reshape(n * g, *guesses.shape[2:])
+        found = self.descended(params, goal, np.repeat(starts, g, 0), wide, sweeps)
+        return found.of(found.cost.reshape(n, g).argmin(1) + g * np.arange(n))
+
+    def gains(self, params: Any, goal: Goal, of: Motions) -> Numbers:
+        """(n, T, nu, nx): none where a command is pressed against a limit of `goal`."""
+        return _in_rows(lambda x, u: self._gains(params, goal, x, u), of.x, of.u)[0]
+
+    def tracked(self, params: Any, goal: Goal, starts: Numbers, of: Motions, gains: Numbers) -> Numbers:
+        """Commands (n, T, nu) by which starts (n, nx) follow motions from elsewhere: an unstable one, given as commands
+        alone, is lost on the way."""
+        return _in_rows(lambda *rows: self._track(params, goal, *rows), starts, of.x, of.u, gains)[0]
+
+    def best(self, params: Any, goal: Goal, starts: Numbers, horizon: int, seed: int) -> Motions:
+        """From each start the cheapest of random guesses from the middle one, and of what the FEW best of these become
+        when each start follows them: starts are near each other."""
+        rng, middle = np.random.default_rng([seed, 94]), starts[len(starts) // 2][None]
+        first = self.descended(params, goal, np.repeat(middle, GUESSES, 0),
+                               random_commands(goal, GUESSES, horizon, rng), SWEEPS)
+        few = first.of(np.argsort(first.cost)[:FEW])
+        gains, n = self.gains(params, unlimited(goal), few), len(starts)
+        which, wide = np.tile(np.arange(len(few.u)), n), np.repeat(starts, len(few.u), 0)
+        guesses = self.tracked(params, goal, wide, few.of(which), gains[which])
+        return self.motions(params, goal, starts, guesses.reshape(n, -1, *guesses.shape[1:]), SWEEPS)
+
+
+def unlimited(goal: Goal) -> Goal:
+    return goal._replace(low=np.full_like(goal.low, -np.inf), high=np.full_like(goal.high, np.inf))

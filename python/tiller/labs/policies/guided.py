@@ -8,19 +8,21 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from .guide import Goal, best_motions
-from .laws import Law, Quadratic, expected_cost, kl_lqr, passage
-from .local import Data, LinearStep, fit_mixture, fit_step, prior_of_mixture, prior_of_model
+from .guide import Goal, Guide, Motions, unlimited
+from .laws import Law, passage
+from .local import LinearStep
+from .local_laws import Improver, Local
 from .minimise import Numbers
-from .physics import Physics
+from .physics import Family
 from .plant import RunTrial, Trial
 from .student import Student
 from .task import Task
+from .teacher import Taught, Teacher
 
 ROOM = 0.8  # share of the limits' range that first motions use
-WORSE = 1.1  # times the best laws' cost: more than the chance of five runs
 LOST = 1.2  # times what a motion was to cost: the plant does not follow it
 MOST_ROWS = 400  # transitions that the model is fitted to
+LESSONS = 2  # rounds whose lessons are taught
 
 
 class Condition(NamedTuple):
@@ -37,8 +39,9 @@ class GuidedOptions:
     strength: float = 5.0  # of the physics' prior, in samples
     first_noise: float = 0.05  # deviation of the first commands, in shares of the limits' range
     hidden: list[int] = field(default_factory=lambda: [24, 24])
-    steps: int = 1500  # of Adam, an iteration
+    steps: int = 3000  # of Adam, a lesson
     drawn: int = 15  # states a period, beside the samples, that the laws are taught at
+    lessons: int = 2  # along the network's own passage, an iteration
     seed: int = 1
 
 
@@ -58,50 +61,20 @@ class GuidedResult:
     best: int = -1
 
 
-class Local:
-    """A condition's laws and what they were last seen to do."""
-
-    def __init__(self, first: Numbers, epsilon: float) -> None:
-        self.first, self.epsilon = first, epsilon
-        self.trials: list[Trial] = []
-        self.cost = self.planned = np.inf
-        self.laws: list[Law] = []
-        self.models: list[LinearStep] = []
-        self.best: tuple[float, list[Law], list[LinearStep]] = (np.inf, [], [])  # by what the plant did
-        self.tried = False  # the trials are of laws near these
-
-    def goes_back(self) -> bool:
-        """To the best laws so far, where the plant does not do under these what the models promised."""
-        worse = self.cost > WORSE * self.best[0]
-        if worse:
-            (self.cost, self.laws, self.models), self.tried = self.best, False
-        return bool(worse)
-
-    def transitions(self, k: int) -> Numbers:
-        return np.array([np.concatenate([t.measured[k], t.command[k], t.measured[k + 1]]) for t in self.trials])
-
-    def start(self) -> tuple[Numbers, Numbers]:
-        first = self.measured(0)
-        return first.mean(0), np.cov(first.T).reshape(first.shape[1], -1) + 1e-4 * np.eye(first.shape[1])
-
-    def measured(self, k: int) -> Numbers:
-        return np.array([t.measured[k] for t in self.trials])
-
-
-Refit = Callable[[Numbers], Physics]  # the model fitted to transitions (N, 2 nx + nu)
-
-
 class Guided:
     def __init__(self, task: Task, goal: Goal, conditions: list[Condition], noise_sd: Numbers, o: GuidedOptions,
-                 refit: Refit | None = None) -> None:
-        assert task.physics is not None and conditions
+                 family: Family) -> None:
+        assert conditions
         self._task, self._goal, self._conditions, self._o = task, goal, conditions, o
-        self._measured = noise_sd**2
-        self._refit = refit
-        self._rows: list[Any] = []
-        self._physics, self._expand = task.physics, jax.jit(jax.vmap(task.physics))
+        self._measured, self._family, self._params = noise_sd**2, family, family.first
+        self._expand = jax.jit(lambda z, params: jax.vmap(family.physics(params))(z))
+        self._guide = Guide(family.physics)
         self._student, self._noise, self._taught = Student(task, o.hidden, o.seed), np.eye(task.nu), False
-        self._costs = [self._quadratic(k == task.horizon) for k in range(task.horizon + 1)]
+        self._teacher = Teacher(task, goal, family, self._guide, noise_sd)
+        self._improver = Improver(task, goal, self._measured, o.strength, o.seed)
+        self._rows: list[Numbers] = []
+        self._lessons: list[Taught] = []
+        self._own: list[Trial] = []  # the network's last runs
 
     def run(self, after: Callable[[GuidedStep, int], None], result: GuidedResult) -> None:
         """Fills `result` as it goes; its network is that of the round whose runs cost least."""
@@ -111,26 +84,23 @@ class Guided:
             step = GuidedStep()
             for c, local in enumerate(locals_):
                 self._sample(c, local, i, step)
-            if self._refit is not None:
-                self._learn_physics(locals_)
+            self._learn_physics(locals_)
             early = 2 * i < self._o.iterations
             lost = [local for local in locals_ if early and min(local.cost, local.best[0]) > LOST * local.planned]
             for local in locals_:
                 if not any(local is other for other in lost):
                     self._improve(local, step)
             self._plan(lost)
-            self._teach(locals_)
+            self._teach(locals_, i)
             self._judge(i, step)
             if result.best < 0 or step.policy_cost < result.steps[result.best].policy_cost:
                 result.network, result.best = self._student.network(), i
             result.steps.append(step)
             after(step, i)
 
-    def _quadratic(self, last: bool) -> Quadratic:
-        goal, nu = self._goal, 0 if last else self._task.nu
-        weight = goal.terminal if last else goal.state
-        return Quadratic(np.diag(np.concatenate([weight, goal.control[:nu]])),
-                         np.concatenate([-weight * goal.target, np.zeros(nu)]))
+    def _expanded(self, z: Numbers) -> tuple[Numbers, Numbers]:
+        after, slope = self._expand(z, self._params)
+        return np.asarray(after), np.asarray(slope)
 
     def _plan(self, locals_: list[Local]) -> None:
         """Laws about the best motions of the model as it is known (Levine and Koltun 2013 begin with such)."""
@@ -140,15 +110,15 @@ class Guided:
         starts, sd = np.array([local.first for local in locals_]), o.first_noise * (task.high - task.low)
         room = 0.5 * (1 - ROOM) * (task.high - task.low)  # for the gains: a command at a limit has no feedback
         tight = self._goal._replace(low=task.low + room, high=task.high - room)
-        motions = best_motions(self._physics, tight, starts, task.horizon, o.seed)
-        for local, x, u, gain in zip(locals_, *motions, strict=True):
+        motions = self._guide.best(self._params, tight, starts, task.horizon, o.seed)
+        gains = self._guide.gains(self._params, unlimited(self._goal), motions)
+        for local, x, u, gain, cost in zip(locals_, motions.x, motions.u, gains, motions.cost, strict=True):
             local.laws = [Law(gain[k], u[k] - gain[k] @ x[k], np.diag(sd**2)) for k in range(task.horizon)]
             z = np.concatenate([x[:-1], u], 1)
-            after, slope = map(np.asarray, self._expand(z))
             local.models = [LinearStep(s, n - s @ at, np.diag(self._measured + 1e-8))
-                            for at, n, s in zip(z, after, slope, strict=True)]
+                            for at, n, s in zip(z, *self._expanded(z), strict=True)]
             local.best = (np.inf, [], [])
-            local.planned, local.cost, local.tried = float(self._goal.of(x, u)), np.inf, False
+            local.planned, local.cost, local.tried = float(cost), np.inf, False
 
     def _sample(self, c: int, local: Local, iteration: int, step: GuidedStep) -> None:
         o, task, share = self._o, self._task, 1 / (self._o.samples * len(self._conditions))
@@ -169,104 +139,63 @@ class Guided:
 
     def _learn_physics(self, locals_: list[Local]) -> None:
         """What all conditions share, the model's parameters, by all transitions so far."""
-        assert self._refit is not None
         self._rows += [local.transitions(k) for local in locals_ for k in range(self._task.horizon)]
         rows = np.concatenate(self._rows)
         if len(rows) > MOST_ROWS:
             rows = rows[np.random.default_rng([self._o.seed, len(rows)]).choice(len(rows), MOST_ROWS, replace=False)]
-        self._physics = self._refit(rows)
-        self._expand = jax.jit(jax.vmap(self._physics))
-
-    def _fit(self, local: Local) -> list[LinearStep]:
-        task, models = self._task, []
-        data = [Data.of(local.transitions(k)) for k in range(task.horizon)]
-        nz = task.nx + task.nu
-        after, slopes = map(np.asarray, self._expand(np.array([d.mean[:nz] for d in data])))
-        for d, next_state, slope in zip(data, after, slopes, strict=True):
-            spread = np.diag(np.diag(d.covariance)[:nz] + 1e-6)
-            prior = prior_of_model(d.mean[:nz], next_state, slope, spread, self._measured,
-                                   1e-4 * np.diag(spread)[:task.nx], self._o.strength)
-            models.append(fit_step(d, prior, task.nx, 1e-9))
-        return models
+        self._params = self._family.fit(rows)
 
     def _policy_about(self, local: Local) -> list[Law]:
-        """The network near the samples: the regression of its commands on their states, with a mixture over all periods
-        as its prior (Montgomery and Levine 2016, section 4.1). Its slope at a point is no gain."""
-        task = self._task
-        rows = [np.hstack([x, self._student.raw(x)]) for x in map(local.measured, range(task.horizon))]
-        mixture = fit_mixture(np.concatenate(rows), 2 * task.horizon // 5 + 1, 10, self._o.seed)
-        laws = []
-        for r in rows:
-            prior = prior_of_mixture(mixture, r, float(task.nx + 2), 1.0)
-            law = fit_step(Data.of(r), prior, task.nu, 1e-8)
-            # no gain makes more of the samples' spread than the whole range
-            most = (task.high - task.low) / np.maximum(1e-12, np.abs(law.slope) @ r[:, :task.nx].std(0))
-            gain = law.slope * np.minimum(1, most)[:, None]
-            mean = r.mean(0)
-            laws.append(Law(gain, mean[task.nx:] - gain @ mean[:task.nx], self._noise))
-        return laws
-
-    def _limited(self, before: list[Law], local: Local) -> list[Quadratic]:
-        """The costs, and a price of what lies beyond the limits, where the law before goes there."""
-        task, costs = self._task, list(self._costs)
-        for k, law in enumerate(before):
-            u = law.slope @ local.measured(k).mean(0) + law.offset
-            beyond = (u < task.low) | (u > task.high)
-            if beyond.any():
-                price = np.concatenate([np.zeros(task.nx), np.where(beyond, 100 * self._goal.control, 0.0)])
-                edge = np.concatenate([np.zeros(task.nx), np.clip(u, task.low, task.high)])
-                costs[k] = Quadratic(costs[k].hessian + np.diag(price), costs[k].slope - price * edge)
-        return costs
+        return self._improver.policy_about(local, self._student.raw, self._noise)
 
     def _improve(self, local: Local, step: GuidedStep) -> None:
-        """Laws of less cost near the network; where those would cost more than the laws before, near these; where
-        none are found, these stay."""
-        if local.goes_back():
-            return
-        task, local.models = self._task, self._fit(local)
-        if local.cost <= local.best[0]:
-            local.best = local.cost, local.laws, local.models
-        start = local.start()
-        # with what the quadratic costs leave out, so that a share of it means something
-        whole = 0.5 * self._goal.target**2 @ (task.horizon * self._goal.state + self._goal.terminal)
-        most = 1.1 * (whole + expected_cost(self._costs, passage(local.models, local.laws, *start)))
-        for before in ([self._policy_about(local)] if self._taught else []) + [local.laws]:
-            found = kl_lqr(local.models, self._limited(before, local), before, *start, local.epsilon * task.horizon)
-            if found is not None and whole + expected_cost(
-                    self._costs, passage(local.models, found.laws, *start)) < most:
-                local.laws = found.laws
-                step.divergence += found.divergence / task.horizon / len(self._conditions)
-                break
-            step.apart += self._taught and before is not local.laws
+        network = (lambda: self._policy_about(local)) if self._taught else None
+        divergence, apart = self._improver(local, self._expanded, network)
+        step.divergence += divergence / len(self._conditions)
+        step.apart += apart
 
-    def _teach(self, locals_: list[Local]) -> None:
+    def _teach(self, locals_: list[Local], iteration: int) -> None:
         """min_pi sum_ik E_x KL(p_ik(u | x) || pi(u | x)): for normal laws a regression weighted by their precisions,
-        and the inverse of the precisions' mean for the policy's covariance."""
-        x, wanted, precision = [], [], []
-        rng = np.random.default_rng([self._o.seed, 99])
+        and the inverse of the precisions' mean for the policy's covariance. Then what the teacher wants along the
+        network's own passage, on the plant and on the model."""
+        x, wanted, precision, known = [], [], [], []
+        rng = np.random.default_rng([self._o.seed, 99, iteration])
+        nx = self._task.nx
         for local in locals_:
             way = passage(local.models, local.laws, *local.start())
+            known.append((np.array([m[:nx] for m in way.mean]), np.array([m[nx:] for m in way.mean[:-1]])))
             for k, law in enumerate(local.laws):
-                nx = self._task.nx
                 drawn = rng.multivariate_normal(way.mean[k][:nx], way.covariance[k][:nx, :nx], self._o.drawn,
                                                 check_valid="ignore", method="eigh")
                 rows = np.concatenate([local.measured(k), drawn]) if local.tried else drawn
                 x.append(rows)
                 wanted.append(rows @ law.slope.T + law.offset)
                 precision.append(np.tile(np.linalg.inv(law.noise), (len(rows), 1, 1)))
-        sharp = np.concatenate(precision)
+        laws, sharp = Taught(np.concatenate(x), np.concatenate(wanted)), np.concatenate(precision)
         self._noise, self._taught = np.linalg.inv(sharp.mean(0)), True
-        self._student.fit(np.concatenate(x), np.concatenate(wanted), sharp, self._o.steps)
+        motions = Motions(np.array([m[0] for m in known]), np.array([m[1] for m in known]), np.zeros(len(known)))
+        self._lessons = self._lessons[-self._o.lessons * (LESSONS - 1):] if self._o.lessons else []
+        usual = np.median(sharp, 0)
+        for lesson in range(self._o.lessons + 1):
+            if lesson:
+                own, commands = self._teacher.passages(self._student, self._params, rng)
+                if lesson == 1 and self._own:
+                    own = np.concatenate([own, [t.measured for t in self._own]])
+                    commands = np.concatenate([commands, [t.command for t in self._own]])
+                self._lessons.append(self._teacher.lesson(own, commands, motions, self._params, rng))
+            all_ = Taught.joined([laws, *self._lessons])
+            more = np.tile(usual, (len(all_.x) - len(laws.x), 1, 1))
+            self._student.fit(all_.x, all_.u, np.concatenate([sharp, more]), self._o.steps)
 
     def _judge(self, iteration: int, step: GuidedStep) -> None:
-        trials = [c.run(self._student.command, 900000 + iteration) for c in self._conditions]
-        step.policy_cost = float(np.mean([self._goal.of(t.truth, t.command) for t in trials]))
+        self._own = [c.run(self._student.command, 900000 + iteration) for c in self._conditions]
+        step.policy_cost = float(np.mean([self._goal.of(t.truth, t.command) for t in self._own]))
 
 
 def guided_search(task: Task, goal: Goal, conditions: list[Condition], noise_sd: Numbers, o: GuidedOptions,
-                  after: Callable[[GuidedStep, int], None], result: GuidedResult, refit: Refit | None = None) -> None:
+                  after: Callable[[GuidedStep, int], None], result: GuidedResult, family: Family) -> None:
     """An iteration runs each condition a few times under its laws, fits a linear model to each period with the
-    physics' derivative as prior (at parameters that `refit` fits to all runs), finds laws of less
-    cost within a divergence of the network, linearised by regression
-    where the samples are, and fits the network to all laws (Montgomery and Levine, NIPS 2016)."""
-    Guided(task, goal, conditions, noise_sd, o, refit).run(after, result)
+    physics' derivative as prior (at parameters that fit all runs), finds laws of less cost within a divergence of the
+    network, linearised by regression where the samples are, and fits the network to all laws (Montgomery and Levine,
+    NIPS 2016) and to what a planner wants along the network's own passage."""
+    Guided(task, goal, conditions, noise_sd, o, family).run(after, result)

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -18,6 +18,13 @@ from .moments import Array
 
 MOST_SUBSTEPS = 64
 Physics = Callable[[Array], tuple[Array, Array]]  # (nx + nu) -> next (nx) and slope (nx, nx + nu)
+
+
+class Family(NamedTuple):
+    """A model at any parameters (np), and those that fit transitions (N, 2 nx + nu)."""
+    physics: Callable[[Any], Physics]
+    fit: Callable[[Numbers], Any]
+    first: Any
 
 
 def _without_delay(text: str) -> str:
@@ -48,7 +55,7 @@ class Model:
         def step(z: Array, params: Array) -> Array:
             return rollout(coarse, z[:nx], z[None, nx:], params, threads=1)[1]
 
-        self._step = step
+        self.step = step  # of states and commands (nx + nu), and parameters (np)
         many = lambda f: jax.vmap(f, (0, None))
         self.expand = jax.jit(lambda z, params: (
             many(step)(z, params), many(jax.jacfwd(step, 0))(z, params), many(jax.jacfwd(step, 1))(z, params)))
@@ -58,7 +65,7 @@ class Model:
         first derivatives, and those of the slope are central differences. Effects with a memory begin at rest. params
         (np); None: the priors' centre."""
         params = jnp.asarray(self._robot.prior_centre if params is None else params)
-        step = lambda z: self._step(z, params)
+        step = lambda z: self.step(z, params)
 
         @jax.custom_vjp
         def linearised(z: Array) -> tuple[Array, Array]:

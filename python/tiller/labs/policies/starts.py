@@ -5,8 +5,8 @@ import numpy as np
 
 from ... import _core
 from .guide import Goal
-from .guided import Condition, Refit
-from .physics import Model
+from .guided import Condition
+from .physics import Family, Model
 from .plant import PlantTrials, measured_deviation
 from .task import Task
 
@@ -18,11 +18,10 @@ def goal_of(robot: _core.Robot, task: Task) -> Goal:
                 task.low, task.high)
 
 
-def refit_of(robot: _core.Robot, task: Task) -> Refit:
-    """The robot file's model at parameters that fit transitions."""
+def family_of(robot: _core.Robot, task: Task) -> Family:
+    """The robot file's model."""
     variance, model = measured_deviation(robot, task.period_s)**2, Model(robot, task.period_s)
-
-    return lambda rows: model.physics(model.fit(rows, variance))
+    return Family(model.physics, lambda rows: model.fit(rows, variance), robot.prior_centre)
 
 
 def conditions_of(robot: _core.Robot, task: Task, count: int, seed: int) -> list[Condition]:
