@@ -1,12 +1,15 @@
-"""An LQR of a short horizon on a linear model that is fitted anew in each period."""
+"""An LQR, or an iLQR, of a short horizon on a model that is fitted anew in each period."""
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
+from .guide import Goal, descend, follow
 from .minimise import Numbers
+from .moments import Array
 from .physics import Physics
 
 
@@ -61,15 +64,17 @@ class AdaptiveLqr:
 
     def model(self, x: Numbers, u: Numbers) -> tuple[Numbers, Numbers]:
         """Slope (nx, nz) and offset (nx) about the present."""
-        o, z = self.o, np.concatenate([x, u])
+        z = np.concatenate([x, u])
         after, slope = map(np.asarray, self._physics(z))
-        if o.adapt and self._rows:
-            change, constant = self._left(z, slope)
-            slope, after = slope + change, after + constant
+        change, constant = self._left(z, slope)
+        slope, after = slope + change, after + constant
         return slope, after - slope @ z
 
     def _left(self, z: Numbers, slope: Numbers) -> tuple[Numbers, Numbers]:
+        """What the model lacks about z, by the last transitions: of its slope (nx, nz), and a constant (nx)."""
         o, nx = self.o, len(slope)
+        if not o.adapt or not self._rows:
+            return np.zeros_like(slope), np.zeros(nx)
         at, left, slopes = (np.array(rows) for rows in zip(*self._rows, strict=True))
         kept = np.exp(-np.arange(len(at))[::-1] / o.memory)
         row = np.hstack([at - z, np.ones((len(at), 1))])
@@ -104,4 +109,34 @@ class AdaptiveLqr:
             by = closed.T @ (by + value @ (b @ wish + drift)) + gain.T @ r @ wish
             value = q + gain.T @ r @ gain + closed.T @ value @ closed
         self._last = np.clip(hold + gain @ (x - o.target) + wish, o.low, o.high)
+        return self._last
+
+
+class AdaptiveIlqr(AdaptiveLqr):
+    """The same model over a horizon, by iLQR from the plan before: it goes far, keeps the limits, and its model may be
+    a network's. What the last transitions leave is taken for the same all along the plan."""
+
+    def __init__(self, physics: Physics, o: AdaptiveOptions, sweeps: int = 3) -> None:
+        super().__init__(physics, o)
+        self._plan = np.tile(self._last, (o.horizon, 1))
+        goal = Goal(o.target, o.state_weight, o.state_weight, o.input_weight, o.low, o.high)
+
+        def planned(x: Array, u: Array, about: Array, change: Array, constant: Array) -> Array:
+            def corrected(z: Array) -> tuple[Array, Array]:
+                after, slope = physics(z)
+                return after + constant + change @ (z - about), slope + change
+            states = follow(corrected, goal, x, u)
+            motion = states, u, goal.of(states, u)
+            for _ in range(sweeps):
+                motion = descend(corrected, goal, *motion)
+            return motion[1]
+
+        self._planned = jax.jit(planned)
+
+    def command(self, x: Numbers) -> Numbers:
+        z = np.concatenate([x, self._last])
+        change, constant = self._left(z, np.asarray(self._physics(z)[1]))
+        before = np.concatenate([self._plan[1:], self._plan[-1:]])
+        self._plan = np.asarray(self._planned(jnp.asarray(x), before, z, change, constant))
+        self._last = self._plan[0]
         return self._last

@@ -1,0 +1,118 @@
+"""Controllers whose model is fitted as they go, on a point mass whose motor breaks, and networks as their prior."""
+import numpy as np
+import pytest
+
+pytest.importorskip("jax")
+
+import jax
+import jax.numpy as jnp
+
+from tiller.labs.policies.adaptive import AdaptiveIlqr, AdaptiveLqr, AdaptiveOptions
+from tiller.labs.policies.neural_physics import network_physics, wandering
+from tiller.labs.policies.plant import Trial
+from tiller.labs.policies.task import Task
+
+LOW, HIGH = np.array([-5.0]), np.array([5.0])
+
+
+def slope_of(gain=1.0, friction=0.5):
+    """Of a point mass that friction slows, 0.1 s a period: [position, velocity, force]."""
+    return np.array([[1.0, 0.1, 0.0], [0.0, 1 - 0.1 * friction, 0.1 * gain]])
+
+
+def physics_of(slope):
+    return lambda z: (jnp.asarray(slope) @ z, jnp.asarray(slope))
+
+
+def options(adapt=True, noise=0.001):
+    return AdaptiveOptions(np.zeros(2), LOW, HIGH, np.array([10.0, 1.0]), np.array([0.1]), np.full(2, noise),
+                           np.array([0.01, 0.1]), horizon=15, adapt=adapt)
+
+
+def riccati_gain(slope, periods=15):
+    a, b, state = slope[:, :2], slope[:, 2:], np.diag([10.0, 1.0])
+    value = state
+    for _ in range(periods):
+        gain = -np.linalg.solve(0.1 * np.eye(1) + b.T @ value @ b, b.T @ value @ a)
+        value = state + a.T @ value @ (a + b @ gain)
+    return gain
+
+
+def held(controller):
+    """Where a point mass comes to rest whose motor of 0.6 pushes against 1.5 N more from period 60 on."""
+    x = np.array([0.5, 0.0])
+    for k in range(250):
+        u = controller.command(x)
+        after = slope_of() @ np.concatenate([x, u]) if k < 60 else (
+            slope_of(0.6) @ np.concatenate([x, u]) + [0, 0.1 * 1.5])
+        controller.learn(x, u, after)
+        x = after
+    return abs(x[0])
+
+
+def test_an_adaptive_lqr_holds_a_plant_that_breaks():
+    """At rest the motor balances the push: u = -push / gain. The model alone commands -stiffness x, and rests where
+    that is u."""
+    alone = 1.5 / 0.6 / -riccati_gain(slope_of())[0, 0]
+    assert held(AdaptiveLqr(physics_of(slope_of()), options(False))) == pytest.approx(alone, rel=1e-3)
+    # what is left is the prior's pull on the offset
+    assert held(AdaptiveLqr(physics_of(slope_of()), options())) < 0.1 * alone
+
+
+def test_noise_of_a_quiet_loop_does_not_pass_for_slopes():
+    """A loop at rest tells nothing of the slopes: they stay the model's, however long it lasts."""
+    rng, sd = np.random.default_rng(6), 0.01
+    controller = AdaptiveLqr(physics_of(slope_of()), options(noise=sd))
+    for _ in range(200):
+        controller.learn(sd * rng.standard_normal(2), np.zeros(1), sd * rng.standard_normal(2))
+    slope, _ = controller.model(np.zeros(2), np.zeros(1))
+    assert np.allclose(slope, slope_of(), atol=0.02)  # least squares would say zero of all
+
+
+def test_an_adaptive_ilqr_is_the_lqr_within_the_limits_and_keeps_them_beyond():
+    x = np.array([0.3, -0.2])
+    ours = AdaptiveIlqr(physics_of(slope_of()), options(False)).command(x)
+    assert ours == pytest.approx(riccati_gain(slope_of()) @ x, rel=1e-6)
+    assert AdaptiveIlqr(physics_of(slope_of()), options(False)).command(np.array([9.0, 0.0])) == LOW
+
+
+# ---- a network as the prior ---------------------------------------------------------------------------
+
+
+def runs(gains, seed):
+    """Of masses with these motors, from places near the origin, measured with noise."""
+    trials = []
+    for i, gain in enumerate(gains):
+        rng = np.random.default_rng([seed, i])
+        trial = Trial(np.zeros((41, 2)), np.zeros((41, 2)), np.zeros((40, 1)))
+        x, command = 0.5 * rng.standard_normal(2), wandering(LOW, HIGH, rng)
+        for k in range(41):
+            trial.truth[k], trial.measured[k] = x, x + 0.002 * rng.standard_normal(2)
+            if k < 40:
+                trial.command[k] = command(x, k)
+                x = slope_of(gain) @ np.concatenate([x, trial.command[k]])
+        trials.append(trial)
+    return trials
+
+
+@pytest.fixture(scope="module")
+def network():
+    task = Task(["position_m", "velocity_m_s"], ["force_N"], [], LOW, HIGH, np.zeros(2), np.eye(2), 0.1, 20,
+                np.zeros(2), np.eye(2))
+    return network_physics(task, runs(np.linspace(0.7, 1.3, 20), 3), 1)
+
+
+def test_a_network_learns_what_plants_have_in_common(network):
+    """Masses with motors of 0.7 to 1.3: their mean, and its slope, without an equation."""
+    z = np.concatenate([np.hstack([t.truth[:-1], t.command]) for t in runs([1.0] * 5, 4)])
+    after, slope = map(np.asarray, jax.vmap(network)(z))
+    gained, truth = after - z[:, :2], z @ slope_of().T - z[:, :2]
+    assert np.all((gained - truth).std(0) < 0.15 * truth.std(0))
+    assert np.all(np.abs(slope.mean(0) - slope_of()) < 0.03)  # 0.05 is how far friction moves the velocity's
+
+
+@pytest.mark.parametrize("kind", [AdaptiveLqr, AdaptiveIlqr])
+def test_what_a_network_has_not_seen_is_adapted_online(network, kind):
+    """The motor of 0.6 and the push were in no earlier run."""
+    alone, learnt = (held(kind(network, options(adapt))) for adapt in (False, True))
+    assert learnt < 0.4 * alone, (learnt, alone)
