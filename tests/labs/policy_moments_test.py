@@ -15,6 +15,7 @@ from tiller.labs.policies.forecast import forecast, long_term_cost
 from tiller.labs.policies.moments import (Normal, bump_moments, bump_values, saturating_cost, squash, squashed,
                                            with_sines)
 from tiller.labs.policies.process import ProcessOptions, Shape, condition, evidence, fit_shape
+from tiller.labs.policies.shown import DOUBT, divergence
 from tiller.labs.policies.task import Task
 
 SAMPLES = 100_000
@@ -70,6 +71,20 @@ def test_sines_squash_and_cost_are_those_of_samples():
     off = points - 0.5
     costs = 1 - np.exp(-0.5 * np.einsum("ni,ij,nj->n", off, weight, off))
     assert abs(float(saturating_cost(of, 0.5 * np.ones(2), weight)) - costs.mean()) < 5 * costs.std() / np.sqrt(SAMPLES)
+
+
+def test_the_divergence_from_demonstrations_is_that_of_samples_of_them():
+    """E under the demonstrations, and not under the forecast, whose own divergence is another number."""
+    from scipy.stats import multivariate_normal
+
+    rng = np.random.default_rng(21)
+    (shown, root), (told, _) = normal(rng, 3), normal(rng, 3)
+    wide = told.covariance + DOUBT * shown.covariance
+    logs = lambda x: (multivariate_normal(*shown).logpdf(x) - multivariate_normal(told.mean, wide).logpdf(x))
+    gap = logs(shown.mean + rng.standard_normal((SAMPLES, 3)) @ root.T)
+    assert abs(float(divergence(shown, told)) - gap.mean()) < 5 * gap.std() / np.sqrt(SAMPLES)
+    other = -logs(told.mean + rng.standard_normal((SAMPLES, 3)) @ np.linalg.cholesky(wide).T)
+    assert abs(other.mean() - gap.mean()) > 20 * other.std() / np.sqrt(SAMPLES)
 
 
 def test_evidence_is_the_normal_density_and_fitting_raises_it():

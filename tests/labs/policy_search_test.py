@@ -1,4 +1,6 @@
 """tiller policy's search on a learnt model: whole searches on a small plant, REPS' weights, and policies' files."""
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,7 @@ from tiller.labs.policies.pilco import pilco
 from tiller.labs.policies.plant import Trial
 from tiller.labs.policies.reps import RepsOptions, reps_search, reps_weights
 from tiller.labs.policies.search import SearchOptions, SearchResult, on_plant
+from tiller.labs.policies.shown import distance, shown_by
 from tiller.labs.policies.task import Task
 
 
@@ -54,6 +57,25 @@ def test_pilco_turns_a_hinge_in_three_trials_and_again_the_same_way():
     assert costs[0][0] > 9 and costs[0][-1] < 7  # of 15: a period costs nearly one where the hinge stays
     # the rest is doubt after 60 transitions
     assert costs[0][-1] == pytest.approx(results[0].steps[-1].predicted, abs=4)
+
+
+def slow_turns(task, count):
+    """Of a hand that turns the hinge at 0.5 rad/s: states alone, and away from the target of the task's cost."""
+    rng, time = np.random.default_rng(5), 0.1 * np.arange(task.horizon + 1)
+    rate = 0.5 * (1 - np.exp(-time / 0.2)) * (1 + 0.1 * rng.standard_normal((count, 1)))
+    angle = np.cumsum(0.1 * rate, 1) - 0.1 * rate[:, :1]
+    return np.stack([angle, rate], -1) + 0.05 * rng.standard_normal((count, 1, 2))  # as the start has
+
+
+def test_pilco_repeats_what_was_shown_without_its_commands():
+    task = hinge_task()
+    shown, result = shown_by(slow_turns(task, 8)), SearchResult()
+    o = SearchOptions(trials=4, bumps=8, evaluations=60)
+    pilco(dataclasses.replace(task, shown=shown), on_plant(task, hinge(task, 1), o.seed), o, quiet, result)
+    own, towards = 15.0, SearchResult()  # nats of a demonstration: half a state and period
+    assert result.steps[0].cost > 10 * own and result.steps[-1].cost < 2 * own
+    pilco(task, on_plant(task, hinge(task, 1), o.seed), o, quiet, towards)
+    assert distance(shown, towards.steps[-1].trial.truth) > 10 * own  # the task's target is another motion
 
 
 def test_reps_turns_the_hinge_too():

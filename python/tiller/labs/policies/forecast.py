@@ -10,6 +10,7 @@ import numpy as np
 
 from .feedback import Feedback
 from .moments import Array, Bumps, Moments, Normal, bump_moments, saturating_cost, squashed, with_sines
+from .shown import divergence
 from .task import Task
 
 
@@ -47,21 +48,26 @@ def _next(task: Task, process: Bumps, both: Normal) -> Normal:
     return Normal(mean + learnt.mean, 0.5 * (covariance + covariance.T))
 
 
+def _costs(task: Task, states: Normal) -> Array:
+    """(horizon + 1) of normal states: expected ones, or divergences from demonstrations."""
+    if task.shown is not None:
+        return jax.vmap(divergence)(Normal(*map(jnp.asarray, task.shown)), states)
+    return jax.vmap(lambda s: saturating_cost(with_sines(s, task.angles), task.target, task.weight))(states)
+
+
 def forecast(task: Task, process: Bumps, policy: Feedback) -> Forecast:
     """The state's distribution is taken for normal at each period, with the exact moments of the step (Deisenroth and
     Rasmussen 2011); the physics' part, if there is one, is linearised about the mean. Not finite where the prediction
     runs away."""
-    def period(state: Normal, _: None) -> tuple[Normal, tuple[Normal, Array]]:
-        f = with_sines(state, task.angles)
-        after = _next(task, process, _with_commands(task, answer, f))
-        return after, (state, saturating_cost(f, task.target, task.weight))
+    def period(state: Normal, _: None) -> tuple[Normal, Normal]:
+        after = _next(task, process, _with_commands(task, answer, with_sines(state, task.angles)))
+        return after, after
 
     answer = policy.of_normal()
     start = Normal(jnp.asarray(task.start_mean), jnp.asarray(task.start_covariance))
-    last, (states, cost) = jax.lax.scan(period, start, None, task.horizon)
-    end = saturating_cost(with_sines(last, task.angles), task.target, task.weight)
-    return Forecast(jnp.concatenate([states.mean, last.mean[None]]),
-                    jnp.concatenate([states.covariance, last.covariance[None]]), jnp.append(cost, end))
+    later = jax.lax.scan(period, start, None, task.horizon)[1]
+    states = jax.tree.map(lambda first, rest: jnp.concatenate([first[None], rest]), start, later)
+    return Forecast(states.mean, states.covariance, _costs(task, states))
 
 
 def long_term_cost(task: Task, process: Bumps, policy: Feedback) -> Array:

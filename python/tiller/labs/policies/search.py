@@ -14,6 +14,7 @@ from .minimise import Numbers
 from .moments import Bumps, Normal, with_sines
 from .plant import RunTrial, Trial, random_controller
 from .process import ProcessOptions, Shape, condition, fit_shape
+from .shown import distance
 from .task import Task, features, sure_cost
 
 Improve = Callable[[Bumps, Feedback, int], Feedback]  # dynamics learnt so far, the policy before, the trial's index
@@ -67,7 +68,10 @@ def start_features(task: Task) -> Normal:
 
 
 def realised_cost(task: Task, trial: Trial) -> float:
-    """A period that a trial lacks, because the robot stopped, costs as much as any can."""
+    """A period that a trial lacks, because the robot stopped, costs as much as any can. Of demonstrations to match:
+    the distance from them."""
+    if task.shown is not None:
+        return distance(task.shown, trial.truth)
     return float(sure_cost(task, trial.truth[1:]).sum()) + task.horizon - len(trial.command)
 
 

@@ -12,6 +12,7 @@ from ..._errors import RobotFileError
 from .minimise import Numbers
 from .moments import Array
 from .physics import Physics
+from .shown import Shown
 
 STATE = 1  # tiller_policy_input_t
 
@@ -31,6 +32,7 @@ class Task:
     target: Numbers  # (features)
     weight: Numbers  # (features, features) of the saturating cost
     physics: Physics | None = None  # what the learnt differences come on top of; None: the state before
+    shown: Shown | None = None  # demonstrations to match, in the place of the target
 
     @property
     def nx(self) -> int:
