@@ -1,6 +1,6 @@
 # section: local; needs the extra labs
 """Linear models of few samples with a prior and without, a controller that fits one anew in each period, and guided
-policies: python bench/learned/local_rows.py [--part samples|online|guided] [--seeds N] [--first SEED]
+policies: python bench/learned/local_rows.py [--part samples|online|network|guided] [--seeds N] [--first SEED]
 
     samples   repeats of one motion on the ODE plant of a robot file, by commands that wander the same way in each
               repeat plus white ones of a tenth of the range, from the file's start. The plant's parameters are drawn
@@ -14,6 +14,9 @@ policies: python bench/learned/local_rows.py [--part samples|online|guided] [--s
               to 80, between its points by the logarithm), over 4.
     online    a plant that breaks at half of the run, held at its target by a short LQR: on the model alone, and on the
               model that is fitted in each period. Figure: cost after the break, the model's over the fitted one's.
+    network   the robot file's task from its start by iLQR over a receding horizon of 4 s, on a plant drawn by the seed
+              whose motors have lost a fifth of their gain: on the model, on the model that is adapted, on a network
+              that 30 runs of other plants have taught (motors whole), and on the network that is adapted. Figure: cost.
     guided    tiller policy --method guided with its defaults but for seconds: cost of the first laws on the plant, of
               the best network, and what a network that holds the middle of the limits costs.
 
@@ -30,12 +33,13 @@ from pathlib import Path
 import numpy as np
 
 from tiller import _core
-from tiller.labs.policies.adaptive import AdaptiveLqr, AdaptiveOptions, offset_deviation
+from tiller.labs.policies.adaptive import AdaptiveIlqr, AdaptiveLqr, AdaptiveOptions, offset_deviation
 from tiller.labs.policies.guided import GuidedOptions, GuidedResult, guided_search
 from tiller.labs.policies.local import Data, fit_mixture, fit_step, prior_of_mixture, prior_of_model
+from tiller.labs.policies.neural_physics import earlier_runs, network_physics
 from tiller.labs.policies.physics import Model
 from tiller.labs.policies.plant import PlantTrials, measured_deviation
-from tiller.labs.policies.starts import conditions_of, goal_of, refit_of
+from tiller.labs.policies.starts import conditions_of, family_of, goal_of
 from tiller.labs.policies.task import make_task
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -158,6 +162,28 @@ def break_figures(name, seed):
     return [frozen / fitted, frozen, fitted]
 
 
+# ---- network ------------------------------------------------------------------------------------------
+
+GAIN, HORIZON = 0.8, 40
+
+
+def network_figures(name, seed):
+    robot = robot_of(name)
+    task, noise = make_task(robot, 0.1, 4.0), measured_deviation(robot, 0.1)
+    goal = goal_of(robot, task)
+    run = PlantTrials(robot, 0.1, task.horizon, noise, task.start_mean, task.start_covariance, seed, plant_seed=seed)
+    costs, network = [], network_physics(task, earlier_runs(robot, task, noise, 30, seed), seed)
+    for physics in (Model(robot, 0.1).physics(), network):
+        offset = offset_deviation(physics, goal.target, task.low, task.high)
+        for adapt in (False, True):
+            o = AdaptiveOptions(goal.target, task.low, task.high, goal.state, goal.control, noise, offset,
+                                horizon=HORIZON, adapt=adapt)
+            controller = AdaptiveIlqr(physics, o)
+            trial = run(lambda x, k, c=controller: GAIN * c(x, k), 0)
+            costs.append(float(goal.of(trial.truth, trial.command)))
+    return costs
+
+
 # ---- guided -------------------------------------------------------------------------------------------
 
 SECONDS = {"pendulum": 4.0, "cart_pole": 4.0, "planar_quadrotor": 3.0}
@@ -165,7 +191,7 @@ SECONDS = {"pendulum": 4.0, "cart_pole": 4.0, "planar_quadrotor": 3.0}
 
 def guided_figures(name, seed):
     robot = robot_of(name)
-    task = make_task(robot, 0.1, SECONDS[name], physics=Model(robot, 0.1).physics())
+    task = make_task(robot, 0.1, SECONDS[name])
     goal, conditions, result = goal_of(robot, task), conditions_of(robot, task, 4, seed), GuidedResult()
 
     def after(step, index):
@@ -174,7 +200,7 @@ def guided_figures(name, seed):
               file=sys.stderr, flush=True)
 
     guided_search(task, goal, conditions, measured_deviation(robot, 0.1), GuidedOptions(seed=seed), after, result,
-                  refit_of(robot, task))
+                  family_of(robot, task))
     still = [c.run(lambda x, k: 0.5 * (task.low + task.high), 0) for c in conditions]
     return [float(np.mean([goal.of(t.truth, t.command) for t in still])), result.steps[0].local_cost,
             min(s.local_cost for s in result.steps), result.steps[result.best].policy_cost, result.best + 1]
@@ -186,6 +212,8 @@ def guided_figures(name, seed):
 PARTS = {"samples": (sample_figures, ("pendulum", "cart_pole", "two_link_arm"), 10,
                      "samples saved (physics, mixture), errors with 4 (physics, mixture, none), none with 80"),
          "online": (break_figures, tuple(BREAKS), 10, "cost after the break: model alone over fitted, alone, fitted"),
+         "network": (network_figures, ("pendulum", "cart_pole"), 10,
+                     "cost: model alone, adapted; network alone, adapted"),
          "guided": (guided_figures, tuple(SECONDS), 3, "cost: still, first laws, best laws, best network; its round")}
 
 

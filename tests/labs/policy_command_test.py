@@ -72,10 +72,11 @@ def test_a_search_writes_a_policy_and_its_page_and_again_the_same(tmp_path, meth
     assert np.all(np.abs(answers(robot, [1.0, 0.0])) <= 1.5)
 
 
-def test_guided_writes_a_network_that_the_runtime_follows(tmp_path):
+@pytest.mark.parametrize("words", [["guided", "--conditions", "1"], ["simopt", "--updates", "3"]])
+def test_a_search_by_cost_writes_a_network_that_the_runtime_follows(tmp_path, words):
     out = tmp_path / "g.json"
-    assert main(["policy", PENDULUM, "--method", "guided", "--iterations", "1", "--conditions", "1", "--seconds", "1",
-                 "--quiet", "-o", str(out)]) == 0
+    assert main(["policy", PENDULUM, "--method", *words, "--iterations", "1", "--seconds", "1", "--quiet", "-o",
+                 str(out)]) == 0
     written = json.loads(out.read_text())
     assert written["network"]["kind"] == "tanh" and written["squash"] == "cut"
     assert np.all(np.abs(answers(under(out), [1.0, 0.0])) <= 1.5)
@@ -90,6 +91,10 @@ def test_what_is_missing_is_told(tmp_path, capsys):
     arm = str(ROBOTS / "two_link_arm.toml")
     assert main(["policy", arm, "--method", "guided", "-o", str(tmp_path / "p.json")]) == 1
     assert "costs of states alone" in capsys.readouterr().err
+    assert main(["policy", PENDULUM, "--method", "reps", "--match", "a.csv", "-o", str(tmp_path / "p.json")]) == 1
+    assert "--match: is of pilco" in capsys.readouterr().err
+    assert main(["policy", PENDULUM, "--prior", "network", "-o", str(tmp_path / "p.json")]) == 1
+    assert "adaptive_ilqr" in capsys.readouterr().err
     idle = tmp_path / "idle.toml"
     idle.write_text(text.replace("state_weight = { angle_rad = 4.0, rate_rad_s = 0.05 }", ""), encoding="utf-8")
     assert main(["policy", str(idle), "-o", str(tmp_path / "p.json")]) == 1
@@ -141,6 +146,26 @@ def test_the_slopes_own_derivative_is_that_of_differences():
     for i in range(3):
         h = np.eye(3)[i] * 1e-5
         assert found[i] == pytest.approx((float(whole(z + h)) - float(whole(z - h))) / 2e-5, rel=1e-4, abs=1e-6)
+
+
+def test_demonstrations_are_read_from_logs_and_matched(tmp_path, capsys):
+    """Three pushes of a pendulum, by a stepper of its own; one of them tells no spread."""
+    logs = []
+    for i, push in enumerate((0.8, 0.9, 1.0)):
+        angle, rate, lines = 0.0, 0.0, ["time_s,angle_rad,torque_Nm"]
+        for k in range(80):
+            torque = push * np.sin(0.1 * k)
+            lines.append(f"{0.02 * k},{angle},{torque}")
+            for _ in range(20):
+                rate += 0.001 * (torque - 0.05 * rate - 0.5 * 9.81 * 0.5 * np.sin(angle)) / 0.125
+                angle += 0.001 * rate
+        logs.append(str(tmp_path / f"{i}.csv"))
+        Path(logs[-1]).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    words = ["policy", PENDULUM, *(w for w in SHORT if w != "--quiet"), "-o", str(tmp_path / "p.json"), "--match"]
+    assert main([*words, logs[0]]) == 1 and "two or more" in capsys.readouterr().err
+    assert main([*words, *logs]) == 0
+    said = capsys.readouterr().err
+    assert "of one of them 10" in said and "expected divergence" in said  # ten periods of two states
 
 
 def test_an_adaptive_lqr_is_compared_with_the_model_alone(tmp_path, capsys):

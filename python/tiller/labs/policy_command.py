@@ -2,24 +2,25 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
+import dataclasses
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from .._errors import Error, RobotFileError
 from .arguments import number_between
-from .output import can_write, replace_file
+from .output import can_write
 
 if TYPE_CHECKING:
     from .. import _core
-    from .policies.search import SearchOptions, Try
-    from .policies.task import Task
 
 METHODS = {"pilco": "gradients of the expected cost on a Gaussian process", "reps": "samples on the same process",
            "guided": "local laws that teach a network, priors from the file's model",
+           "simopt": "a network trained on models that are drawn, and the draws moved to what the plant does under it",
            "adaptive_lqr": "no policy, but a comparison: an LQR on the file's model beside one whose model is fitted "
-           "anew in each period"}
+           "anew in each period",
+           "adaptive_ilqr": "the same with iLQR over a horizon, which goes far and keeps limits"}
+ADAPTIVE = ("adaptive_lqr", "adaptive_ilqr")
+BY_COST = ("guided", "simopt", *ADAPTIVE)  # of states and inputs; the others saturate it
 EPILOG = """
 Trials run the plant of [sim] from [start]; every state is measured with the sensors' noise. The task is [cost]'s
 target and state weights within [limits] (docs/guide/policy.md).
@@ -32,6 +33,8 @@ Examples:
       a swing-up from nothing but trials
   tiller policy my_robot.toml --on-robot --period 0.05 --seconds 3 --trials 6 -o policy.json
       the same on the robot itself; the logs of its trials lie in policy_trials/
+  tiller policy my_robot.toml --match demos/*.csv --seconds 3 -o policy.json
+      the states of demonstrations again, without their commands
   tiller policy robots/emps.toml --method guided --seconds 2 --period 0.05 -o out/axis_policy.json
       a network, taught by local laws; its cost is on states alone, since those know no outputs
 """
@@ -44,9 +47,12 @@ NUMBERS = (("trials", int, 1, 1000, 8, "pilco, reps: trials with a policy, after
            ("restarts", int, 0, 100, 1, "pilco: searches from fresh policies before a trial, as long as most of the "
             "cost is expected"),
            ("conditions", int, 1, 100, 4, "guided: starts"),
-           ("iterations", int, 1, 1000, 8, "guided: rounds of 5 trials a start"),
+           ("iterations", int, 1, 1000, 8, "guided: rounds of 5 trials a start; simopt: rounds of 3 trials"),
+           ("updates", int, 2, 100000, 150, "simopt: of the policy before its first trial; later half as many"),
+           ("kl", float, 1e-3, 1e3, 1.0, "simopt: largest divergence of the models' weights from equal ones, nats"),
            ("epsilon", float, 1e-3, 1e3, 0.5, "guided: largest mean KL divergence of a round's control laws from the "
             "network, nats per period"),
+           ("earlier", int, 1, 10000, 30, "--prior network: runs of other plants that it is fitted to"),
            ("seed", int, 1, 1 << 40, 1, "of commands, noise, starts and first policy"))
 
 
@@ -66,6 +72,12 @@ def add(one: argparse.ArgumentParser) -> None:
                      "quarter of the start's)")
     one.add_argument("--physics", action="store_true",
                      help="pilco, reps: learn only what the file's model leaves unexplained")
+    one.add_argument("--prior", choices=("model", "network"), default="model",
+                     help="adaptive_lqr, adaptive_ilqr: what is adapted, the file's model or a network that earlier "
+                     "runs have taught, on plants that [sim] draws anew (default %(default)s)")
+    one.add_argument("--match", nargs="+", default=[], metavar="LOG",
+                     help="pilco: logs of two or more demonstrations whose distribution of states, period by period, "
+                     "the policy is to repeat, in the place of [cost]'s target")
     one.add_argument("--on-robot", action="store_true",
                      help="pilco, reps: trials on the robot, over the transport of its file, in the place of [sim]")
     one.add_argument("--arm", action="store_true", help="with --on-robot: do not wait for the key a; the robot moves")
@@ -91,9 +103,13 @@ def _read(a: argparse.Namespace) -> _core.Robot:
             raise Error(f"--{option}: is of trials on the robot; add --on-robot")
     if a.on_robot and a.method not in ("pilco", "reps"):
         raise Error(f"--method {a.method}: makes no policy that `tiller run` could try; take pilco or reps")
-    if a.method in ("guided", "adaptive_lqr") and facts["costs_outputs"]:
-        raise RobotFileError(f"{a.robot}: cost.outputs: {a.method} knows costs of states alone; take them out of a copy "
-                             "of the file, with state_weight in their place")
+    if a.match and a.method != "pilco":
+        raise Error(f"--match: is of pilco, which forecasts distributions; {a.method} does not")
+    if a.prior == "network" and a.method not in ADAPTIVE:
+        raise Error(f"--prior network: is of {' and '.join(ADAPTIVE)}; take one of the two as --method")
+    if a.method in BY_COST and facts["costs_outputs"]:
+        raise RobotFileError(f"{a.robot}: cost.outputs: {a.method} knows costs of states alone; take them out of a "
+                             "copy of the file, with state_weight in their place")
     a.out = a.out or Path(robot.path).with_name(Path(robot.path).stem + "_policy.json")
     why = can_write(a.out)
     if why:
@@ -101,131 +117,18 @@ def _read(a: argparse.Namespace) -> _core.Robot:
     return robot
 
 
-def _trials(a: argparse.Namespace, robot: _core.Robot, task: Task, o: SearchOptions) -> Try:
-    from .policies.plant import PlantTrials, measured_deviation
-    from .policies.search import on_plant
-
-    if a.on_robot:
-        return _robot_trials(a, robot, task, o)
-    return on_plant(task, PlantTrials(robot, a.period, task.horizon, measured_deviation(robot, a.period),
-                                      task.start_mean, task.start_covariance, a.seed), a.seed)
-
-
-def _robot_trials(a: argparse.Namespace, robot: _core.Robot, task: Task, o: SearchOptions) -> Try:
-    from .policies.on_robot import RobotTrials
-    from .policies.search import fresh_policy
-
-    words = ["--arm"] * a.arm + ["--lockstep"] * a.lockstep
-    trials = RobotTrials(robot, task, a.out.with_name(a.out.stem + "_trials"), words, a.reset)
-    # commands that jump in every period shake a robot: one that answers what it sees goes first
-    return lambda policy, index: trials(fresh_policy(task, o, index, 1.0) if policy is None else policy, index)
-
-
-def _write(a: argparse.Namespace, document: dict[str, Any]) -> None:
-    replace_file(a.out, json.dumps(document, indent=1) + "\n")
-    print(f"policy: {a.out.resolve()}", flush=True)
-
-
-def _search(a: argparse.Namespace, robot: _core.Robot, task: Task) -> int:
-    from .policies.feedback import document
-    from .policies.pilco import pilco
-    from .policies.report import search_document, write_page
-    from .policies.reps import RepsOptions, reps_search
-    from .policies.search import SearchOptions, SearchResult, SearchStep
-
-    first = "a policy by chance" if a.on_robot else "random commands"
-
-    def after(step: SearchStep, index: int) -> None:
-        told = f"expected {step.predicted:.3f}), {step.seconds:.1f} s of search" if step.forecast else ""
-        if not a.quiet:
-            print(f"trial {index + 1}: " + (f"cost {step.cost:.3f} of {task.horizon} ({told}" if told else
-                                            f"{first}, cost {step.cost:.3f} of {task.horizon}"),
-                  file=sys.stderr, flush=True)
-
-    o = SearchOptions(a.trials, kind=a.kind, bumps=a.bumps, evaluations=a.evaluations, restarts=a.restarts,
-                      seed=a.seed)
-    result, run, code = SearchResult(), _trials(a, robot, task, o), 0
-    try:
-        if a.method == "pilco":
-            pilco(task, run, o, after, result)
-        else:
-            reps_search(task, run, o, RepsOptions(), after, result)
-    except KeyboardInterrupt:
-        if not any(step.forecast for step in result.steps):
-            raise
-        print("\ntiller policy: interrupted; the last trial's policy is written", file=sys.stderr)
-        code = 130
-    assert result.policy is not None
-    _write(a, document(task, result.policy.network(), "sine"))
-    if a.page:
-        try:
-            write_page(a.page, search_document(task, result, robot, a.method, a.kind))
-        except Exception as problem:  # a page that cannot be drawn loses no result
-            print(f"no page: {problem}; pip install 'tiller[pages]'", file=sys.stderr)
-            return code or 2
-        print(f"page: {a.page.resolve()}")
-    return code
-
-
-def _guide(a: argparse.Namespace, robot: _core.Robot, task: Task) -> int:
-    from .policies.feedback import document
-    from .policies.guided import GuidedOptions, GuidedResult, GuidedStep, guided_search
-    from .policies.plant import measured_deviation
-    from .policies.starts import conditions_of, goal_of, refit_of
-
-    def after(step: GuidedStep, index: int) -> None:
-        apart = f"; at {step.apart} of {a.conditions} starts laws near the network would cost more" * bool(step.apart)
-        if not a.quiet:
-            print(f"iteration {index + 1}: cost {step.local_cost:.4g} by the local laws, {step.policy_cost:.4g} by the "
-                  f"network; divergence {step.divergence:.2g} a period{apart}", file=sys.stderr, flush=True)
-
-    o = GuidedOptions(a.iterations, epsilon=a.epsilon, seed=a.seed)
-    result, code = GuidedResult(), 0
-    try:
-        guided_search(task, goal_of(robot, task), conditions_of(robot, task, a.conditions, a.seed),
-                      measured_deviation(robot, a.period), o, after, result, refit_of(robot, task))
-    except KeyboardInterrupt:
-        if result.network is None:
-            raise
-        print("\ntiller policy: interrupted; the best round's network is written", file=sys.stderr)
-        code = 130
-    assert result.network is not None
-    if not a.quiet:
-        print(f"iteration {result.best + 1} is the best", file=sys.stderr)
-    _write(a, document(task, result.network, "cut"))
-    return code
-
-
-def _adapt(a: argparse.Namespace, robot: _core.Robot, task: Task) -> int:
-    import numpy as np
-
-    from .policies.adaptive import AdaptiveLqr, AdaptiveOptions, offset_deviation
-    from .policies.plant import PlantTrials, measured_deviation
-    from .policies.starts import goal_of
-
-    assert task.physics is not None
-    goal, noise = goal_of(robot, task), measured_deviation(robot, a.period)
-    run = PlantTrials(robot, a.period, task.horizon, noise, task.start_mean, task.start_covariance, a.seed)
-    offset, costs = offset_deviation(task.physics, goal.target, task.low, task.high), []
-    options = [AdaptiveOptions(goal.target, task.low, task.high, goal.state, goal.control, noise, offset, adapt=adapt)
-               for adapt in (False, True)]
-    for i in range(a.trials):
-        trials = [run(AdaptiveLqr(task.physics, o), i) for o in options]
-        costs.append([((t.truth - goal.target)**2 @ goal.state).sum() + (t.command**2 @ goal.control).sum()
-                      for t in trials])
-        print(f"trial {i + 1}: cost {costs[-1][0]:.4g} by the model alone, {costs[-1][1]:.4g} by what it learns",
-              flush=True)
-    alone, learnt = np.median(costs, 0)
-    print(f"median of {a.trials}: {alone:.4g} and {learnt:.4g}")
-    return 0
-
-
 def run(a: argparse.Namespace) -> int:
     robot = _read(a)
+    from . import policy_runs
     from .policies.physics import Model
     from .policies.task import make_task
 
-    by_model = {"guided": _guide, "adaptive_lqr": _adapt}
+    by_model = {"guided": policy_runs.guide, "simopt": policy_runs.simopt, **dict.fromkeys(ADAPTIVE, policy_runs.adapt)}
     physics = Model(robot, a.period).physics() if a.physics or a.method in by_model else None
     task = make_task(robot, a.period, a.seconds, a.width, physics=physics)
-    return by_model.get(a.method, _search)(a, robot, task)
+    if a.match:
+        from .policies.shown import read_shown
+
+        shown = read_shown(a.robot, a.match, a.period, task.horizon)
+        task = dataclasses.replace(task, shown=shown, horizon=len(shown.mean) - 1)
+    return by_model.get(a.method, policy_runs.search)(a, robot, task)
