@@ -42,7 +42,7 @@ class Motions(NamedTuple):
     u: Numbers  # (n, T, nu)
     cost: Numbers  # (n)
 
-    def of(self, which: Numbers) -> Motions:
+    def of(self, which: Any) -> Motions:
         return Motions(self.x[which], self.u[which], self.cost[which])
 
     @classmethod
