@@ -212,7 +212,7 @@ const std::vector<HiddenKind>& hidden_kind_table() {
       {"loose_coupling", P::input, false, loose},
       {"command_jitter", P::input, false, jitter},
       {"swinging_load", P::body, false, swinging},
-      {"encoder_eccentricity", P::sensor, false, eccentricity},
+      {"encoder_eccentricity", P::sensor, true, eccentricity},
   };
   return all;
 }

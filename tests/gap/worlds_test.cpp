@@ -95,7 +95,7 @@ TEST(Worlds, ReachTheStrengthThatIsAskedFor) {
 TEST(Worlds, EveryKindCanBeHiddenInEveryPlantThatHasAPlaceForIt) {
   for (const std::string& plant : world_plants()) {
     EXPECT_GE(hidden_kinds(plant, true).size(), 27u) << plant;
-    EXPECT_GE(hidden_kinds(plant, false).size(), 9u) << plant;
+    EXPECT_GE(hidden_kinds(plant, false).size(), 8u) << plant;
   }
   for (const bool in : {true, false}) {
     for (const std::string& kind : hidden_kinds("two_link_arm", in)) {

@@ -13,7 +13,7 @@ for needed in ("jax", "optax", "tomlkit"):
 import tiller  # noqa: E402
 from tiller._command import run as run_tiller  # noqa: E402
 from tiller.labs.forces import ensemble, process  # noqa: E402
-from tiller.labs.forces.data import Samples  # noqa: E402
+from tiller.labs.forces.data import Logs, Samples  # noqa: E402
 from tiller.labs.forces.network import evaluate  # noqa: E402
 
 NOISE = 0.05
@@ -96,14 +96,14 @@ def spring(angle, _rate):
     return -1.2 * angle * abs(angle)
 
 
-def write_log(path, seed, force=spring, seconds=8.0):
+def write_log(path, seed, force=spring, seconds=8.0, read=lambda q: q):
     """A point mass on a rod under a multisine torque held over each period, by a stepper of its own at 0.2 ms."""
     rng = np.random.default_rng(seed)
     phase, q, v, lines = 2 * math.pi * rng.random(4), 0.0, 0.0, ["time_s,angle_rad,torque_Nm"]
     for k in range(round(seconds / 0.01)):
         u = sum(s * math.sin(2 * math.pi * f * 0.01 * k + p)
                 for s, f, p in zip((0.6, 0.5, 0.35, 0.3), (0.23, 0.61, 0.97, 1.7), phase))
-        lines.append(f"{0.01 * k:.2f},{q + 3e-4 * rng.normal():.9g},{u:.9g}")
+        lines.append(f"{0.01 * k:.2f},{read(q) + 3e-4 * rng.normal():.9g},{u:.9g}")
         for _ in range(50):
             v += 2e-4 * (u - 0.5 * 9.81 * 0.5 * math.sin(q) - 0.02 * v + force(q, v)) / 0.125
             q += 2e-4 * v
@@ -162,6 +162,17 @@ def test_what_is_learnt_of_nothing_is_refused(tmp_path):
     code, text = learn(tmp_path, *logs, "-o", str(tmp_path / "out"), "--no-catalogue", "--form", "gaussian")
     assert code == 2 and "refused" in text, text
     assert not (tmp_path / "out/hidden_learnt.toml").exists()
+
+
+def test_an_encoder_off_its_centre_is_read_through(tmp_path):
+    (tmp_path / "robot.toml").write_text(ROBOT, encoding="utf-8")
+    paths = [write_log(tmp_path / f"log_{i}.csv", 21 + i, force=lambda q, v: 0.0, read=lambda q: q + 0.06 * math.sin(q))
+             for i in range(3)]
+    logs = Logs(tmp_path / "robot.toml", paths, 0.25, tmp_path)
+    alone = logs.ground()
+    found = logs.catalogue(alone, 1)
+    assert "encoder_eccentricity" in found.document["origin"]
+    assert found.before.rms_sigma < 0.2 * alone.before.rms_sigma
 
 
 @pytest.mark.parametrize(("change", "says"), [("", "3.0 s"), ("still", "must move"), ("learnt", "already")])

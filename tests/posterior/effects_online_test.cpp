@@ -104,7 +104,7 @@ Log simulate(const tiller_config_t& c, double torque_Nm, unsigned seed, int step
 
 class Online : public ::testing::TestWithParam<Case> {};
 
-// Four posterior deviations of the truth: of 6 kinds x 3 seeds x up to 4 parameters one in 16,000 falls outside if the
+// Four posterior deviations of the truth: of 7 kinds x 3 seeds x up to 4 parameters one in 16,000 falls outside if the
 // posterior is right; particles, a coarser step and friction's kinks take some of the margin.
 TEST_P(Online, EffectIsFound) {
   const Case& which = GetParam();
@@ -148,6 +148,11 @@ INSTANTIATE_TEST_SUITE_P(Effects, Online,
                                   2.0,
                                   {4.0, 4.0}},
                              Case{"sensor_bias", tiller_effect_sensor_bias, {rig::uniform(-0.2, 0.2)}, 2.0, {4.0}},
+                             Case{"encoder_eccentricity",
+                                  tiller_effect_encoder_eccentricity,
+                                  {rig::uniform(-0.1, 0.1), rig::uniform(-0.1, 0.1), rig::fixed(6.283185307179586)},
+                                  2.0,
+                                  {4.0, 4.0}},
                              Case{"tilt", tiller_effect_tilt, {rig::uniform(-0.2, 0.2)}, 2.0, {4.0}},
                              Case{"payload", tiller_effect_payload, {rig::uniform(0.0, 0.5)}, 2.0, {2.0}}),
                          [](const auto& each) { return std::string(each.param.name); });

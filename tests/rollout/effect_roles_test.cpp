@@ -22,16 +22,17 @@ TEST(EffectRoles, AgreeWithTheEffectsOwnHeaders) {
   for (std::uint32_t kind = 0; kind < effect_kind_count(); ++kind) {
     const EffectInfo& info = effect_info(kind);
     SCOPED_TRACE(info.name);
-    if (has_role(kind, kDelay | kLag | kLimit | kFollows | kLoad | kClock)) {
+    if (has_role(kind, kDelay | kLag | kLimit | kFollows | kLoad)) {
       EXPECT_EQ(info.port, PortKind::input);
     }
     if (has_role(kind, kDelay | kLag)) {
       EXPECT_EQ(info.params[0].scale, Scale::period);
       EXPECT_STREQ(info.params[0].unit, "s");
     }
-    // the others with a state at an input are moved by the joint, too
-    const bool by_commands = info.port == PortKind::input && info.state_count > 0 && !info.needs_drive;
-    EXPECT_EQ(by_commands, has_role(kind, kLag | kFollows | kLoad | kClock));
+    // the others with a state at an input are moved by the joint, too, and a clock by nothing
+    const bool by_commands =
+        info.port == PortKind::input && info.state_count > 0 && !info.needs_drive && !has_role(kind, kClock);
+    EXPECT_EQ(by_commands, has_role(kind, kLag | kFollows | kLoad));
     if (has_role(kind, kLimit)) {
       EXPECT_EQ(info.params[0].scale, Scale::input);
     }

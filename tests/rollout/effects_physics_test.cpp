@@ -341,6 +341,18 @@ TEST(GainDrift, FallsBySoMuchEachSecond) {
   EXPECT_NEAR(Rotor::rate(gone, 100), torque * 0.25 / Rotor::kInertia, 2e-3);
 }
 
+TEST(WarmingFriction, FallsToItsShareFromTheStartOn) {
+  Rotor r;
+  add_effect(r.config, tiller_effect_warming_friction, 0);
+  const double friction = 0.3, share = 0.4, warms_s = 0.5, torque = 0.8;
+  const auto b = r.run({friction, share, warms_s}, 1.0, torque, 50);  // 1 s
+  const double impulse = friction * (share + (1 - share) * warms_s * (1 - std::exp(-1 / warms_s)));
+  EXPECT_NEAR(Rotor::rate(b, 50), 1.0 + (torque - impulse) / Rotor::kInertia, 1e-3);
+  const auto held = r.run({friction, share, warms_s}, 0.0, 0.2, 100);  // cold it holds, warm it does not
+  EXPECT_EQ(Rotor::rate(held, 20), 0.0);
+  EXPECT_GT(Rotor::rate(held, 100), 0.0);
+}
+
 TEST(SupplySag, FallsWithTheMeanOfWhatWasAsked) {
   Rotor r;
   add_effect(r.config, tiller_effect_supply_sag, 0);
@@ -554,7 +566,24 @@ TEST(Sensor, EffectsComposeInTheirOrder) {
   add_effect(c, tiller_effect_sensor_scale, 0);
   EXPECT_EQ(measured_value(c, params, 0, 2.0), 2.0);  // of the rate: no effect there
   EXPECT_NEAR(measured_value(c, params, 1, 2.0), 1.1 * (2.0 + 0.5), 1e-15);
-  EXPECT_NEAR(measurement_map(c, 0, params).state(2.75), 2.0, 1e-15);
+  EXPECT_NEAR(state_of_measured(c, params, 0, 2.75), 2.0, 1e-15);
+}
+
+TEST(Sensor, AnEccentricEncoderReadsTooFarWithThePosition) {
+  tiller::Config c = plain_config(tiller_find_model("pendulum"));
+  c.measurement_count = 1;
+  add_effect(c, tiller_effect_sensor_scale, 0);
+  add_effect(c, tiller_effect_encoder_eccentricity, 0);
+  const double params[] = {1, 1, 1, 0.1, 0.05, -0.08, 2.5};
+  const auto read = [&](double x) {
+    const double scaled = 1.1 * x, a = 2 * M_PI * scaled / 2.5;
+    return scaled + 0.05 * std::cos(a) - 0.08 * std::sin(a);
+  };
+  for (const double x : {-3.0, -0.4, 0.0, 0.7, 4.2}) {
+    EXPECT_NEAR(measured_value(c, params, 0, x), read(x), 1e-14);
+    EXPECT_NEAR(measurement_map(c, 0, x, params).gain, (read(x + 1e-6) - read(x - 1e-6)) / 2e-6, 1e-8);
+    EXPECT_NEAR(state_of_measured(c, params, 0, read(x)), x, 1e-14);
+  }
 }
 
 // A torque that swings: the joint turns round several times, within steps. Against a reference at a microsecond.

@@ -8,6 +8,7 @@
 
 #include "tests/gap/synthetic.hpp"
 #include "tools/smooth/forces.hpp"
+#include "tools/smooth/grid_rollout.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -134,6 +135,34 @@ TEST(Smoother, AnOffsetThatTheSensorHasIsNoForce) {
   const double with = errors_of(smoothed_of(config, params, grid, walking()), s.period_s, push).rms;
   EXPECT_LT(with, 0.05);
   EXPECT_GT(without, 0.2);  // the weight at an angle of 0.2 rad is 0.39 N m
+}
+
+TEST(Smoother, AnErrorThatRepeatsWithThePositionIsNoForce) {
+  gap::Synthetic s = pushed_pendulum();
+  constexpr double kSine = 0.08, kPitch = 1.2;
+  Grid grid = gap::simulate(s, 1);
+  for (double& angle : grid.state[0]) angle += kSine * std::sin(2 * M_PI * angle / kPitch);
+  Config config = gap::synthetic_config(s);
+  const double without = errors_of(smoothed_of(config, s.params, grid, walking()), s.period_s, push).rms;
+  config.effects[config.effect_count++] = {tiller_effect_encoder_eccentricity, 0};
+  std::vector<double> params = s.params;
+  for (const double value : {0.0, kSine, kPitch}) {
+    config.priors[config.param_count++] = {tiller_prior_fixed, 0, value, 0, value, value};
+    params.push_back(value);
+  }
+  const double with = errors_of(smoothed_of(config, params, grid, walking()), s.period_s, push).rms;
+  EXPECT_LT(with, 0.06);  // 0.05 with a straight sensor, whose noise the slope does not widen
+  EXPECT_GT(without, 2 * with);
+}
+
+TEST(GridRollout, AClockCountsFromTheLogsStart) {
+  const gap::Synthetic s;
+  Config config = gap::synthetic_config(s);
+  config.effects[config.effect_count++] = {tiller_effect_gain_drift, 0};
+  config.priors[config.param_count++] = {tiller_prior_fixed, 0, 0, 0, 0, 0};
+  const Grid part = part_of(gap::simulate(s, 1), 300, 600);
+  const GridRollout rollout(config, kLanePadding);
+  EXPECT_NEAR(rollout.first_effect_state(part, 50)[0], 350 * s.period_s, 1e-12);
 }
 
 /// Without forces the process noise alone lets the log leave the model; where there is none, nothing does.

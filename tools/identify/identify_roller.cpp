@@ -22,29 +22,26 @@ Roller::Roller(const Candidate& candidate, const Fit& fit)
   std::copy_n(rollout_.params(), std::size_t{np} * kLanes, filter_.params());
   for (std::uint32_t k = 0; k < config_.measurement_count; ++k)
     sensor_sd_[config_.measured_state[k]] = config_.measurement_sd[k];
-  map_sensors();
 }
 
-void Roller::map_sensors() {
-  const std::size_t nx = model_.state_count;
-  maps_.assign(nx * kLanes, {});
+void Roller::as_measured(double* rows, std::size_t steps) {
   if (!has_sensor_effects(config_)) return;
+  const std::size_t nx = model_.state_count;
   std::uint32_t measured = 0;
   for (std::uint32_t k = 0; k < config_.measurement_count; ++k) measured |= 1u << config_.measured_state[k];
-  for (std::uint32_t lane = 0; lane < kLanes; ++lane) {
-    const auto of = [&](std::uint32_t i) { return measurement_map(config_, i, rollout_.params() + lane, kLanes); };
-    for (std::uint32_t i = 0; i < nx; ++i)
-      if (measured >> i & 1u) maps_[i * kLanes + lane] = of(i);
-    for (std::uint32_t j = 0; j < model_.joint_count; ++j) {
-      const tiller_joint_t& joint = model_.joints[j];
-      if (joint.position == TILLER_NO_POSITION || measured >> joint.velocity & 1u) continue;
-      maps_[std::size_t{joint.velocity} * kLanes + lane].gain = of(joint.position).gain;
+  for (std::size_t step = 0; step < steps; ++step, rows += nx * kLanes)
+    for (std::uint32_t lane = 0; lane < kLanes; ++lane) {
+      const auto map = [&](std::uint32_t i) {
+        return measurement_map(config_, i, rows[i * kLanes + lane], rollout_.params() + lane, kLanes);
+      };
+      for (std::uint32_t j = 0; j < model_.joint_count; ++j) {  // rates first: by the positions as they are
+        const tiller_joint_t& joint = model_.joints[j];
+        if (joint.position == TILLER_NO_POSITION || measured >> joint.velocity & 1u) continue;
+        rows[joint.velocity * kLanes + lane] *= map(joint.position).gain;
+      }
+      for (std::uint32_t i = 0; i < nx; ++i)
+        if (measured >> i & 1u) rows[i * kLanes + lane] = map(i).of(rows[i * kLanes + lane]);
     }
-  }
-}
-
-void Roller::as_measured(double* rows, std::size_t count) const {
-  for (std::size_t v = 0; v < count; ++v) rows[v] = maps_[v % maps_.size()].of(rows[v]);
 }
 
 void Roller::stand_at(const Grid& grid, std::size_t start) {
@@ -74,7 +71,7 @@ void Roller::predict(std::size_t steps) {
   run.effect_state = {filter_.effect_state(), kLanes};
   run.trajectory = foreseen_.data();
   table_.rollout_f64(model_, run);
-  as_measured(foreseen_.data(), foreseen_.size());
+  as_measured(foreseen_.data(), steps + 1);
 }
 
 void Roller::scatter(double* state) {
@@ -107,7 +104,7 @@ void Roller::read(std::size_t steps) {
     for (std::size_t v = 0; v < values; ++v)
       readings_[(k + 1) * values + v] += root * config_.process_sd[v / kLanes] * rng_.normal();
   }
-  as_measured(readings_.data(), readings_.size());
+  as_measured(readings_.data(), steps + 1);
   for (std::size_t v = 0; v < readings_.size(); ++v)
     readings_[v] += noise_scale_ * sensor_sd_[v / kLanes % nx] * rng_.normal();
 }

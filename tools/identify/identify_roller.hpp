@@ -32,9 +32,8 @@ class Roller {
   const double* readings(std::size_t step, std::uint32_t state) const { return row(readings_.data(), step, state); }
 
  private:
-  /// The readings of a state in each lane; a rate that is not measured follows its position's sensor.
-  void map_sensors();
-  void as_measured(double* rows, std::size_t count) const;
+  /// States (steps x nx x lanes) become readings; a rate that is not measured follows its position's sensor.
+  void as_measured(double* rows, std::size_t steps);
   /// Adds each lane's draw within its filter's doubt.
   void scatter(double* state);
 
@@ -53,7 +52,6 @@ class Roller {
   Rng rng_;
   double sensor_sd_[TILLER_MAX_STATES] = {};
   std::vector<double> effect_state_;  // (ns x lanes)
-  std::vector<MeasurementMap> maps_;  // (nx x lanes)
   std::vector<double> foreseen_;      // ((steps + 1) * nx x lanes)
   std::vector<double> readings_;      // ((steps + 1) * nx x lanes)
 };

@@ -49,14 +49,14 @@ void LaneFilter::map_sensors() {
   offset_.resize(gain_.size());
   for (std::uint32_t k = 0; k < ny_; ++k)
     for (std::uint32_t l = 0; l < lanes_; ++l) {
-      const MeasurementMap map = measurement_map(config_, config_.measured_state[k], params_.data() + l, lanes_);
+      const std::uint32_t i = config_.measured_state[k];
+      const MeasurementMap map = measurement_map(config_, i, state_[i * lanes_ + l], params_.data() + l, lanes_);
       gain_[k * lanes_ + l] = map.gain;
       offset_[k * lanes_ + l] = map.offset;
     }
 }
 
 void LaneFilter::begin(const double* measured) {
-  map_sensors();
   std::fill(covariance_.begin(), covariance_.end(), 0.0);
   std::fill(effect_state_.begin(), effect_state_.end(), 0.0);
   for (std::uint32_t i = 0; i < nx_; ++i)
@@ -70,6 +70,7 @@ void LaneFilter::begin(const double* measured) {
   double first[TILLER_MAX_MEASUREMENTS];
   std::copy_n(measured, ny_, first);
   take_attitudes(config_, first);
+  map_sensors();
   correct(first);
   // the first measurement tells of the start, of no parameter
   std::fill(squared_error_.begin(), squared_error_.end(), 0.0);
@@ -79,6 +80,7 @@ void LaneFilter::begin(const double* measured) {
 
 void LaneFilter::step(const Transition& transition, double noise_scale) {
   predict(transition);
+  map_sensors();
   double measured[TILLER_MAX_MEASUREMENTS];
   std::copy_n(transition.measured, ny_, measured);
   take_attitudes(config_, measured);

@@ -5,6 +5,7 @@
 
 #include "effects/effect_info.hpp"
 #include "networks/network_check.hpp"
+#include "rollout/measurement.hpp"
 #include "tools/base/text.hpp"
 #include "tools/gap/fit/hypothesis.hpp"
 #include "tools/gap/pipeline/engine.hpp"
@@ -32,6 +33,14 @@ Config with_sensors(const tiller_config_t& config, double factor) {
 std::vector<Eigen::MatrixXd> states_by(const tiller_config_t& config, const Ground& ground,
                                        const std::vector<Grid>& grids) {
   return filtered_states(with_sensors(config, ground.sensor_factor), grids, gap::prior_centre(config), ground.force_sd);
+}
+
+/// The states that rollouts of `config` begin in: those of the model alone, `plain`, or where an effect is a sensor's
+/// those that its own filter reads.
+std::vector<Eigen::MatrixXd> begins_of(const tiller_config_t& config, const Ground& ground,
+                                       const tiller_config_t& plain, const Ground& plain_ground,
+                                       const std::vector<Grid>& grids) {
+  return has_sensor_effects(config) ? states_by(config, ground, grids) : states_by(plain, plain_ground, grids);
 }
 
 /// Root mean square (nf) of the joints' accelerations in the smoothed states.
@@ -136,7 +145,7 @@ bool smooth_ground(const RobotFile& robot, const Course& course, const Ground& s
   if (config.measurement_count > 0) ground.sensor_factor = honest.measurement_sd[0] / config.measurement_sd[0];
   if (!smooth_forces(honest, course.train, base, ground.force_sd, ground.forces, error)) return false;
   ground.acceleration = accelerations(config, ground.forces);
-  const std::vector<Eigen::MatrixXd> states = states_by(states_robot.config, states_of, course.judge);
+  const std::vector<Eigen::MatrixXd> states = begins_of(config, ground, states_robot.config, states_of, course.judge);
   ground.before = calibrate({&config, {ground.params.empty() ? base : ground.params}, Vector()},
                             velocity_noise(config, ground, ground.forces), course.judge, states, ground.process_sd);
   return true;
@@ -215,7 +224,7 @@ bool find_catalogue(const RobotFile& robot, const std::string& text, const Cours
   options.threads = threads;
   for (std::uint32_t k = 0; k < effect_kind_count(); ++k) {
     const EffectInfo& info = effect_info(k);
-    if (!info.unnamed && info.port != PortKind::sensor) options.only.emplace_back(info.name);
+    if (!info.unnamed) options.only.emplace_back(info.name);
   }
   gap::Result found = gap::find_gap_on(robot.config, robot.params, course.train, {}, options);
   std::sort(found.ranking.begin(), found.ranking.end(),
@@ -223,7 +232,10 @@ bool find_catalogue(const RobotFile& robot, const std::string& text, const Cours
   const auto origin = parse_robot_file(plain.text, robot.path, error);
   if (!origin) return false;
   const std::vector<Eigen::MatrixXd> states = states_by(origin->config, plain, course.train);
-  const auto wrong = [&](const RobotFile& with) { return judge_robot(with, course.train, states).rms_sigma; };
+  const auto wrong = [&](const RobotFile& with) {
+    const bool reads = has_sensor_effects(with.config);
+    return judge_robot(with, course.train, reads ? states_by(with.config, plain, course.train) : states).rms_sigma;
+  };
   double least = wrong(*origin);
   std::size_t tried = 0;
   for (const gap::Explanation& one : found.ranking) {
@@ -254,8 +266,9 @@ bool smooth_beside(const RobotFile& robot, const Ground& ground, const Ground& s
   out.force_sd = choose_force_sd(honest, course.train, centre, force_sd / 1.5);
   if (!smooth_forces(honest, course.train, centre, out.force_sd, out.forces, error)) return false;
   if (!judged) return true;
-  out.held_out = calibrate({&with, member_params(with), Vector()}, velocity_noise(with, ground, out.forces),
-                           course.judge, states_by(by->config, states_of, course.judge), out.process_sd);
+  out.held_out =
+      calibrate({&with, member_params(with), Vector()}, velocity_noise(with, ground, out.forces), course.judge,
+                begins_of(base->config, ground, by->config, states_of, course.judge), out.process_sd);
   return true;
 }
 

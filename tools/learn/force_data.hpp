@@ -40,7 +40,7 @@ bool lay_ground(const RobotFile& robot, const std::string& text, const Course& c
                 std::string& error);
 
 /// The effects of the catalogue that bring rollouts over the part to learn from nearest to it, as a ground of its own.
-/// Judged from the states that `plain` begins in. Effects of sensors are none of them. `hash` (of the logs) goes into a
+/// Judged from the states that `plain` begins in; with effects of sensors from those that they read. `hash` (of the logs) goes into a
 /// comment of the robot file. False with a sentence in `error` where none helps. Cost: that of `tiller gap` with two
 /// effects at most, six seconds for 48 s of a pendulum at 100 Hz.
 bool find_catalogue(const RobotFile& robot, const std::string& text, const Course& course, const Ground& plain,

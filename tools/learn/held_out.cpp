@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/rng.hpp"
+#include "rollout/measurement.hpp"
 #include "tools/smooth/grid_rollout.hpp"
 #include "tools/smooth/smoother.hpp"
 
@@ -26,6 +27,7 @@ class Judge {
         model_(*who.config->model),
         calm_(*who.config, kLanes),
         noisy_(*who.config, kLanes),
+        sensors_(has_sensor_effects(*who.config)),
         rng_(3, 1415, 9) {
     for (GridRollout* rollout : {&calm_, &noisy_})
       for (std::uint32_t p = 0; p < who.config->param_count; ++p)
@@ -50,19 +52,25 @@ class Judge {
   }
 
  private:
+  /// What the lane's sensor would show of a state.
+  double reading(std::uint32_t channel, std::uint32_t lane, double state) {
+    return sensors_ ? measured_value(*who_.config, calm_.params() + lane, channel, state, kLanes) : state;
+  }
   /// The mean over the hypotheses against every reading of the second.
-  void errors(const Grid& grid, std::size_t k, std::size_t horizon, const double* path, Sums& sums) const {
+  void errors(const Grid& grid, std::size_t k, std::size_t horizon, const double* path, Sums& sums) {
     for (std::size_t s = 1; s <= horizon; ++s)
       for (std::uint32_t c = 0; c < who_.config->measurement_count; ++c) {
         const std::uint32_t i = who_.config->measured_state[c];
         const double measured = grid.state[i][k + s];
         if (!std::isfinite(measured)) continue;
         const double* const row = path + (s * model_.state_count + i) * kLanes;
+        const double first = reading(c, 0, row[0]);
         double mean = 0.0;
-        for (std::uint32_t l = 0; l < kLanes; ++l) mean += state_difference(model_, i, row[l], row[0]) / kLanes;
+        for (std::uint32_t l = 0; l < kLanes; ++l)
+          mean += state_difference(model_, i, reading(c, l, row[l]), first) / kLanes;
         // a rollout that has left the world counts as far away, not as everything
         const double e = std::min(
-            std::fabs(state_difference(model_, i, measured, row[0] + mean)) / who_.config->measurement_sd[c], 1e6);
+            std::fabs(state_difference(model_, i, measured, first + mean)) / who_.config->measurement_sd[c], 1e6);
         sums.squares += std::isfinite(e) ? e * e : 1e12;
         sums.count += 1;
       }
@@ -93,7 +101,8 @@ class Judge {
       if (!std::isfinite(measured)) continue;
       double off[kLanes];
       for (std::uint32_t l = 0; l < kLanes; ++l)
-        off[l] = state_difference(model_, i, path[(horizon * model_.state_count + i) * kLanes + l], measured) +
+        off[l] = state_difference(model_, i, reading(c, l, path[(horizon * model_.state_count + i) * kLanes + l]),
+                                  measured) +
                  who_.config->measurement_sd[c] * rng_.normal();
       std::sort(off, off + kLanes);
       sums.covered += off[3] <= 0.0 && off[kLanes - 4] >= 0.0;
@@ -104,6 +113,7 @@ class Judge {
   const Hypotheses& who_;
   const tiller_model_t& model_;
   GridRollout calm_, noisy_;
+  bool sensors_;
   Rng rng_;
   std::vector<double> noise_, path_;
 };

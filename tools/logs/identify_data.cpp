@@ -126,6 +126,7 @@ Grid make_grid(const Log& log, const Rates& rates, bool hold, const tiller_confi
   Grid grid;
   grid.path = log.path;
   grid.first_time_s = log.time_s[segment.first];
+  grid.log_start_s = log.time_s[0];
   grid.period_s = config.period_s;
   const double length = log.time_s[segment.last - 1] - grid.first_time_s;
   const auto points = static_cast<std::size_t>(length / config.period_s);

@@ -28,6 +28,10 @@ struct Grid {
   double time_scale = 1;  ///< of what is slow and fast here, over that of a machine that moves within a second
   std::vector<std::vector<double>> state;  ///< (nx) of (points): interpolated; NaN where not measured
   std::vector<std::vector<double>> input;  ///< (nu) of (points): mean from the point to the next
+  double log_start_s = 0;                  ///< first_time_s of its log
+  double since_start_s(std::size_t point) const {
+    return first_time_s - log_start_s + static_cast<double>(point) * period_s;
+  }
   std::size_t points() const { return input.empty() ? 0 : input[0].size(); }
 };
 std::vector<Grid> make_grids(const Log& log, const LogMap& map, const tiller_config_t& config);

@@ -37,7 +37,7 @@ std::vector<double> GridRollout::first_effect_state(const Grid& grid, std::size_
     if (has_role(setup_.effects[e].kind, kFollows))
       first[setup_.effects[e].state] = grid.input[setup_.effects[e].port][start > 0 ? start - 1 : 0];
     else if (has_role(setup_.effects[e].kind, kClock))
-      first[setup_.effects[e].state] = static_cast<double>(start) * grid.period_s;
+      first[setup_.effects[e].state] = grid.since_start_s(start);
   return first;
 }
 

@@ -21,12 +21,6 @@ constexpr double kExact = 1e-6;    // deviation of a sensor that is stated to ha
 constexpr double kRegular = 1e-9;  // share of a state that keeps the covariance regular where there is no noise
 constexpr double kLargest = 1e9;   // a filter beyond it ran away
 
-/// A sensor of a state: reading = gain x + offset + noise.
-struct Channel {
-  MeasurementMap map;
-  double sd = kNaN;  ///< NaN: not read
-};
-
 /// What the smoother needs of one period.
 struct Pass {
   Vector z, next;           // filtered at its beginning, predicted at its end
@@ -44,13 +38,11 @@ class Filter {
         nx_(model_.state_count),
         nf_(static_cast<std::uint32_t>(settings.force_sd.size())),
         step_(forced, params, 1e-3 * settings.force_sd.cwiseMax(1e-9)),
-        channels_(nx_) {
-    for (std::uint32_t i = 0; i < nx_; ++i) {
-      channels_[i].map = measurement_map(plain, i, params.data());
-      channels_[i].sd = settings.unlisted_sd;
-    }
+        params_(params),
+        sensors_(has_sensor_effects(plain)),
+        sd_(nx_, settings.unlisted_sd) {
     for (std::uint32_t c = 0; c < plain.measurement_count; ++c)
-      channels_[plain.measured_state[c]].sd = std::max(plain.measurement_sd[c], kExact);
+      sd_[plain.measured_state[c]] = std::max(plain.measurement_sd[c], kExact);
   }
 
   /// False: it ran away. `keep`: the passes, for the way back.
@@ -92,11 +84,17 @@ class Filter {
   double log_likelihood() const { return -0.5 * (squares_ + logs_); }
 
  private:
+  /// The state that would be read so.
   double logged(const Grid& grid, std::uint32_t i, std::size_t point) const {
-    return grid.state[i].empty() ? kNaN : (grid.state[i][point] - channels_[i].map.offset) / channels_[i].map.gain;
+    if (grid.state[i].empty()) return kNaN;
+    const double reading = grid.state[i][point];
+    return sensors_ ? state_of_measured(plain_, params_.data(), i, reading) : reading;
   }
-  bool reads(std::uint32_t i) const { return std::isfinite(channels_[i].sd); }
-  double sd_of(std::uint32_t i) const { return channels_[i].sd / channels_[i].map.gain; }
+  bool reads(std::uint32_t i) const { return std::isfinite(sd_[i]); }
+  /// Of the state, where it is `at`.
+  double sd_of(std::uint32_t i, double at) const {
+    return sensors_ ? sd_[i] / measurement_map(plain_, i, at, params_.data()).gain : sd_[i];
+  }
   const tiller_joint_t* joint_of_speed(std::uint32_t i) const {
     for (std::uint32_t j = 0; j < model_.joint_count; ++j)
       if (model_.joints[j].velocity == i && model_.joints[j].position != TILLER_NO_POSITION) return &model_.joints[j];
@@ -131,7 +129,7 @@ class Filter {
       const double value = logged(grid, i, first_);
       z_(i) = std::isfinite(value) ? value : plain_.initial_state[i];
       const bool measured = reads(i) && std::isfinite(value);
-      const double sd = measured ? kWide * sd_of(i) : std::max(plain_.initial_state_sd[i], kExact);
+      const double sd = measured ? kWide * sd_of(i, value) : std::max(plain_.initial_state_sd[i], kExact);
       p_(i, i) = sd * sd;
     }
     for (std::uint32_t i = 0; i < nx_; ++i)
@@ -146,7 +144,7 @@ class Filter {
     const double span_s = static_cast<double>(ahead - first_) * grid.period_s;
     const double to = logged(grid, joint.position, ahead), from = logged(grid, joint.position, first_);
     z_(joint.velocity) = state_difference(model_, joint.position, to, from) / span_s;
-    const double doubt = std::fabs(z_(joint.velocity)) + 10 * sd_of(joint.position) / span_s;
+    const double doubt = std::fabs(z_(joint.velocity)) + 10 * sd_of(joint.position, from) / span_s;
     p_(joint.velocity, joint.velocity) += doubt * doubt;
   }
 
@@ -156,7 +154,7 @@ class Filter {
       const double reading = logged(grid, i, point);
       if (!reads(i) || !std::isfinite(reading)) continue;
       const double innovation = state_difference(model_, i, reading, z_(i)),
-                   variance = p_(i, i) + std::pow(sd_of(i), 2);
+                   variance = p_(i, i) + std::pow(sd_of(i, reading), 2);
       if (point > first_) {  // the first reading is what the filter began with
         squares_ += innovation * innovation / variance;
         logs_ += std::log(variance);
@@ -207,7 +205,9 @@ class Filter {
   const SmoothSettings& settings_;
   std::uint32_t nx_, nf_;
   ForcedStep step_;
-  std::vector<Channel> channels_;
+  const std::vector<double>& params_;
+  bool sensors_;
+  std::vector<double> sd_;  // (nx) of the sensors; NaN: not read
   std::size_t first_ = 0;
   Vector z_;
   Matrix p_;

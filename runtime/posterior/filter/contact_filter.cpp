@@ -58,14 +58,12 @@ void ContactFilter::follow(const FilterParticles& particles) const {
 void ContactFilter::begin(const LaneFilter& filter, const FilterStart& start, const FilterParticles& particles) {
   for (std::uint32_t l = 0; l < kLanes; ++l) chunk_->lacking->contact_law(chunk_->law + l, kLanes);
   follow(particles);
-  filter.map_sensors(*chunk_, chunk_->params, kLanes);
-  start.begin_filters(filter, *chunk_, chunk_->filter, {chunk_->law, kLanes});
+  start.begin_filters(filter, *chunk_, chunk_->filter, {chunk_->params, kLanes}, {chunk_->law, kLanes});
 }
 
 void ContactFilter::step(const LaneFilter& filter, const FilterParticles& particles, const Observation& seen,
                          double noise_scale) {
   follow(particles);
-  filter.map_sensors(*chunk_, chunk_->params, kLanes);
   filter.predict_own(*chunk_, seen, chunk_->filter);
   double measured[TILLER_MAX_MEASUREMENTS];
   for (std::uint32_t k = 0; k < filter.ny(); ++k) {

@@ -93,10 +93,9 @@ void FilterMoves::load_lanes(const FilterChunk* chunks, const FilterParticles& p
 /// The chunk's lanes over the whole window: their filters and their sums over it.
 void FilterMoves::rerun(const Job& job, const FilterChunk& chunk) {
   const LaneFilter& filter = job.tools.filter;
-  filter.map_sensors(chunk, chunk.params, kLanes);
   chunk.clear_sums();
   if (job.window.exact())
-    job.tools.start.begin_filters(filter, chunk, chunk.filter, {chunk.law, kLanes});
+    job.tools.start.begin_filters(filter, chunk, chunk.filter, {chunk.params, kLanes}, {chunk.law, kLanes});
   else
     job.past.begin_filters(filter, chunk);
   for (std::uint64_t k = job.window.begin(); k < job.window.end(); ++k)

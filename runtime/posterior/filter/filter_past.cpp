@@ -58,7 +58,6 @@ void FilterPast::for_each_point_chunk(const RerunTools& tools, const Visit& visi
         coordinate[j] = design.at()[j * design.points() + at + l];
       tools.particles.place(chunk, l, coordinate);
     }
-    tools.filter.map_sensors(chunk, chunk.params, kLanes);
     visit(at, chunk);
   }
 }
@@ -70,7 +69,7 @@ FilterRows FilterPast::point_lanes(std::uint32_t at) const {
 
 void FilterPast::begin_points(const RerunTools& tools) {
   for_each_point_chunk(tools, [&](std::uint32_t at, const FilterChunk& chunk) {
-    tools.start.begin_filters(tools.filter, chunk, point_lanes(at), {chunk.law, kLanes});
+    tools.start.begin_filters(tools.filter, chunk, point_lanes(at), {chunk.params, kLanes}, {chunk.law, kLanes});
   });
   summary_.fit_filters();
 }

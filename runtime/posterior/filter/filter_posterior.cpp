@@ -110,10 +110,8 @@ tiller_status_t FilterPosterior::advance(const Transition& transition, bool move
 }
 
 void FilterPosterior::predict(const Observation& seen) {
-  for_each_chunk(hooks_, particles_.chunks(), particles_.n() >= kWorthThreads, [&](std::uint32_t c) {
-    filter_.map_sensors(chunks_[c], particles_.params_of(c), particles_.n());
-    filter_.predict(chunks_[c], seen, particles_.step(c));
-  });
+  for_each_chunk(hooks_, particles_.chunks(), particles_.n() >= kWorthThreads,
+                 [&](std::uint32_t c) { filter_.predict(chunks_[c], seen, particles_.step(c)); });
 }
 
 /// The particles' sums, and before these what they were.

@@ -64,7 +64,7 @@ void FilterStart::set(const tiller_config_t& config, const double* sd) {
 }
 
 void FilterStart::begin_filters(const LaneFilter& filter, const FilterChunk& chunk, const FilterRows& rows,
-                                Lanes<double> law) const {
+                                Lanes<double> params, Lanes<double> law) const {
   double unused[2 * kLanes] = {};
   const auto fill = [&rows](double* to, std::uint32_t count, const double* value) {
     for (std::uint32_t i = 0; i < count; ++i)
@@ -79,6 +79,7 @@ void FilterStart::begin_filters(const LaneFilter& filter, const FilterChunk& chu
     for (std::uint32_t f = nx_; f < nf_; ++f)
       rows.covariance[triangle_row(nf_, f, f) * rows.stride + l] = variance[f - nx_];
   }
+  filter.map_sensors(chunk, params, {state_, 0});
   CorrectJob job = filter.correct_job(measured_, chunk);
   job.from = job.to = rows;
   job.squared_error = unused;
@@ -88,8 +89,7 @@ void FilterStart::begin_filters(const LaneFilter& filter, const FilterChunk& chu
 
 void FilterStart::begin_all(const LaneFilter& filter, const FilterChunk* chunks, FilterParticles& particles) const {
   for (std::uint32_t c = 0; c < particles.chunks(); ++c) {
-    filter.map_sensors(chunks[c], particles.params_of(c), particles.n());
-    begin_filters(filter, chunks[c], particles.lanes(c), particles.laws_of(c));
+    begin_filters(filter, chunks[c], particles.lanes(c), {particles.params_of(c), particles.n()}, particles.laws_of(c));
   }
   particles.note_drift();
 }
@@ -97,8 +97,7 @@ void FilterStart::begin_all(const LaneFilter& filter, const FilterChunk* chunks,
 void FilterStart::measure_forces(const LaneFilter& filter, const FilterChunk& chunk, const FilterParticles& particles,
                                  const double* history, DisturbanceStates& disturbances) const {
   if (disturbances.states() == 0) return;
-  filter.map_sensors(chunk, particles.cloud.params, particles.n());
-  begin_filters(filter, chunk, chunk.filter, particles.laws_of(0));
+  begin_filters(filter, chunk, chunk.filter, {particles.cloud.params, particles.n()}, particles.laws_of(0));
   Observation idle;
   idle.period_s = filter.config().period_s;
   idle.input = filter.config().safety.safe_command;

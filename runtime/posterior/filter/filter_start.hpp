@@ -25,8 +25,8 @@ class FilterStart {
   void note_reach(const tiller_config_t& config, const FilterParticles& particles);
 
   /// The start's law into the filters of `rows`, corrected by its measurement, which does not count into the likelihood
-  /// (of no parameter but a sensor's, and of these the others tell more). The chunk says how the sensors read.
-  void begin_filters(const LaneFilter& filter, const FilterChunk& chunk, const FilterRows& rows,
+  /// (of no parameter but a sensor's, and of these the others tell more).
+  void begin_filters(const LaneFilter& filter, const FilterChunk& chunk, const FilterRows& rows, Lanes<double> params,
                      Lanes<double> law) const;
   void begin_all(const LaneFilter& filter, const FilterChunk* chunks, FilterParticles& particles) const;
   /// How large a force has to be to matter, from what forces do to the first chunk's particles there.

@@ -192,7 +192,6 @@ void JumpBanks::step(const LaneFilter& filter, const Observation& seen, double e
   evidence_.count(seen.measured, filter.ny(), seen.weight);
   for (std::uint32_t i = 0; i < drifts_; ++i) {
     const FilterChunk& chunk = chunks_[i];
-    filter.map_sensors(chunk, chunk.params, kLanes);
     filter.step_own(chunk, seen, chunk.filter);
     if (banks_[i].tick()) open_jump(i, filter.ns(), elapsed_s, noise_scale);
   }

@@ -65,6 +65,7 @@ void LaneFilter::predict(const FilterChunk& chunk, const Observation& seen, cons
     linearise(linearise_job(chunk, seen, step));
     if (quaternions() != 0) turn_jacobian(chunk, step);
     predict_covariance(chunk, seen.period_s, step);
+    map_sensors(chunk, step.params, {chunk.predicted.state, kLanes});
     return;
   }
   Turn<double> kept[kLanes], mean[kLanes];
@@ -80,6 +81,7 @@ void LaneFilter::predict(const FilterChunk& chunk, const Observation& seen, cons
   if (quaternions() != 0) turn_jacobian(chunk, step);
   predict_covariance(chunk, seen.period_s, step);
   disturbances.add_process(lacking, chunk.predicted.covariance);
+  map_sensors(chunk, step.params, {chunk.predicted.state, kLanes});
 }
 
 LineariseJob LaneFilter::linearise_job(const FilterChunk& chunk, const Observation& seen, const LaneStep& step) const {
@@ -169,11 +171,13 @@ void LaneFilter::predict_covariance(const FilterChunk& chunk, double period_s, c
   lanes_->predict(job);
 }
 
-void LaneFilter::map_sensors(const FilterChunk& chunk, const double* params, std::uint32_t stride) const {
+void LaneFilter::map_sensors(const FilterChunk& chunk, Lanes<double> params, Lanes<double> state) const {
   if (!chunk.gain) return;
   for (std::uint32_t k = 0; k < ny(); ++k)
     for (std::uint32_t l = 0; l < kLanes; ++l) {
-      const MeasurementMap map = measurement_map(*config_, config_->measured_state[k], params + l, stride);
+      const std::uint32_t i = config_->measured_state[k];
+      const double at = state.splat() ? state.data[i] : state.data[i * state.stride + l];
+      const MeasurementMap map = measurement_map(*config_, i, at, params.data + l, params.stride);
       chunk.gain[k * kLanes + l] = map.gain;
       chunk.offset[k * kLanes + l] = map.offset;
     }

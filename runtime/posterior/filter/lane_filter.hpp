@@ -78,7 +78,7 @@ class LaneFilter {
   void linearise(const LineariseJob& job) const { table_->linearise(*config_->model, job); }
   void correct(const CorrectJob& job) const { lanes_->correct(job); }
 
-  /// From the step's filters into the chunk's `predicted` and its Jacobian.
+  /// From the step's filters into the chunk's `predicted` and its Jacobian, and how the sensors read there.
   void predict(const FilterChunk& chunk, const Observation& seen, const LaneStep& step) const;
   LineariseJob linearise_job(const FilterChunk& chunk, const Observation& seen, const LaneStep& step) const;
   DisturbanceStates::Lanes16 disturbance_job(const FilterChunk& chunk, const Observation& seen,
@@ -86,8 +86,8 @@ class LaneFilter {
   /// From `predicted` into the chunk's filters; the caller sets the sums.
   CorrectJob correct_job(const double* measured, const FilterChunk& chunk) const;
 
-  /// How the sensors read with each lane's parameters: rows of `stride`.
-  void map_sensors(const FilterChunk& chunk, const double* params, std::uint32_t stride) const;
+  /// How the sensors read about `state` with each lane's parameters.
+  void map_sensors(const FilterChunk& chunk, Lanes<double> params, Lanes<double> state) const;
   MeasurementMap sensor(const FilterChunk& chunk, std::uint32_t k, std::uint32_t lane) const {
     if (!chunk.gain) return {};
     return {chunk.gain[k * FilterChunk::kLanes + lane], chunk.offset[k * FilterChunk::kLanes + lane]};

@@ -90,10 +90,6 @@ void MeanInnovations::start(const std::vector<std::vector<double>>& params) {
   constexpr double kUnknown = 1.0;
   p_ = Eigen::MatrixXd::Zero(nx, nx);
   for (std::uint32_t i = 0; i < nx; ++i) p_(i, i) = std::pow(std::max(config_.initial_state_sd[i], kUnknown), 2);
-  map_.clear();
-  for (std::uint32_t m = 0; m < config_.measurement_count; ++m)
-    for (std::uint32_t v = 0; v < vectors_; ++v)
-      map_.push_back(measurement_map(config_, config_.measured_state[m], params[v].data()));
 }
 
 /// One channel after the other: their noises are independent.
@@ -101,12 +97,14 @@ void MeanInnovations::correct(const double* measured, Eigen::MatrixXd& innovatio
   const std::uint32_t nx = model_.state_count;
   for (std::uint32_t m = 0; m < config_.measurement_count; ++m) {
     const std::uint32_t state = config_.measured_state[m];
-    const MeasurementMap* map = &map_[std::size_t{m} * vectors_];
-    const double sd = config_.measurement_sd[m], slope = map[0].gain;
+    const auto map = [&](std::uint32_t v) {
+      return measurement_map(config_, state, state_[state * lanes_ + v], params_.data() + v, lanes_);
+    };
+    const double sd = config_.measurement_sd[m], slope = map(0).gain;
     const double s = slope * slope * p_(state, state) + sd * sd;
     const Eigen::VectorXd gain = p_.col(state) * slope / s;
     for (std::uint32_t v = 0; v < vectors_; ++v) {
-      const double off = state_difference(model_, state, measured[m], map[v].of(state_[state * lanes_ + v]));
+      const double off = state_difference(model_, state, measured[m], map(v).of(state_[state * lanes_ + v]));
       innovations(static_cast<Eigen::Index>(row + m), v) = off / std::sqrt(s);
       for (std::uint32_t i = 0; i < nx; ++i) state_[i * lanes_ + v] += gain[i] * off;
     }

@@ -56,8 +56,7 @@ class MeanInnovations {
   const RolloutTable& table_;
   StepSetup setup_;
   std::uint32_t vectors_ = 0, lanes_ = 0;
-  Eigen::MatrixXd p_;                // covariance (nx x nx)
-  std::vector<MeasurementMap> map_;  // (ny x vectors)
+  Eigen::MatrixXd p_;  // covariance (nx x nx)
   std::vector<double> state_, next_, params_, effect_, next_effect_, history_, step_;
 };
 

@@ -90,7 +90,8 @@ bool make_hypothesis(const tiller_config_t& nominal, const std::vector<EffectAt>
   out.follows = false;
   for (std::uint32_t e = 0; e < out.config.effect_count; ++e) {
     const EffectInfo& info = effect_info(out.config.effects[e].kind);
-    out.follows = out.follows || (info.state_count > 0 && (info.port == PortKind::joint || info.needs_drive));
+    const bool follows = info.state_count > 0 && !has_role(out.config.effects[e].kind, kClock);
+    out.follows = out.follows || (follows && (info.port == PortKind::joint || info.needs_drive));
   }
   return make_step_setup(out.config, out.setup) == tiller_status_ok;
 }

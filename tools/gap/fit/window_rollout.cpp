@@ -107,7 +107,7 @@ void WindowRollout::run_in(const Window& w) {
       follow_commands(w, setup.effects[e], start);
     else if (has_role(setup.effects[e].kind, kClock))
       std::fill_n(effect_states_.begin() + setup.effects[e].state * kLanes, kLanes,
-                  data_.since_start_s[w.grid] + static_cast<double>(start) * data_.grids[w.grid].period_s);
+                  data_.grids[w.grid].since_start_s(start));
   if (along > 0) return follow_path(w, start);
   if (w.run_in_steps == 0) return;
   RolloutJob<double> job;
@@ -128,15 +128,12 @@ void WindowRollout::run_in(const Window& w) {
 // What the sensors make of the states, lane by lane.
 void WindowRollout::read_sensors(const Window& w) {
   const std::uint32_t ny = hypothesis_->config.measurement_count;
-  for (std::uint32_t i = 0; i < ny; ++i)
-    for (std::uint32_t l = 0; l < kLanes; ++l) {
-      const MeasurementMap map =
-          measurement_map(hypothesis_->config, hypothesis_->config.measured_state[i], params_.data() + l, kLanes);
-      for (std::size_t k = 0; k < w.points; ++k) {
+  for (std::size_t k = 0; k < w.points; ++k)
+    for (std::uint32_t i = 0; i < ny; ++i)
+      for (std::uint32_t l = 0; l < kLanes; ++l) {
         double& value = predicted_[(k * ny + i) * kLanes + l];
-        value = map.of(value);
+        value = measured_value(hypothesis_->config, params_.data() + l, i, value, kLanes);
       }
-    }
 }
 
 const double* WindowRollout::run(const Window& w) {

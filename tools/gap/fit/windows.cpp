@@ -89,11 +89,6 @@ WindowData make_window_data(std::vector<Grid> grids, const tiller_config_t& conf
     std::size_t first = 0;
     data.begins_at_rest.push_back(at_rest(grid, config, path, first));
     if (data.begins_at_rest.back()) start_from_rest(grid, model, first, path);
-    // the stretches of a log follow each other
-    const std::size_t before = data.since_start_s.size();
-    const bool goes_on = before > 0 && data.grids[before - 1].path == grid.path;
-    data.since_start_s.push_back(
-        goes_on ? data.since_start_s.back() + grid.first_time_s - data.grids[before - 1].first_time_s : 0.0);
     data.path.push_back(std::move(path));
     data.controls.push_back(std::move(controls));
     data.measured.push_back(std::move(measured));

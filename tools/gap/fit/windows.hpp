@@ -27,8 +27,7 @@ struct WindowData {
   std::vector<std::vector<double>> measured;  ///< per grid (points x ny)
   /// Per grid (points x nx): the state at each point as the measurements around it say; NaN where they do not.
   std::vector<std::vector<double>> path;
-  std::vector<bool> begins_at_rest;   ///< per grid: it is a log's beginning, and no joint moves there
-  std::vector<double> since_start_s;  ///< per grid: from its log's beginning
+  std::vector<bool> begins_at_rest;  ///< per grid: it is a log's beginning, and no joint moves there
   double data_s = 0;
 };
 

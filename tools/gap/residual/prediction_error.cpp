@@ -67,7 +67,7 @@ PredictionSums PredictionError::run(const std::vector<double>& params, const std
       if (has_role(setup_.effects[e].kind, kFollows))
         effect_state_[setup_.effects[e].state] = grids_[g].input[setup_.effects[e].port][start.point];
       else if (has_role(setup_.effects[e].kind, kClock))
-        effect_state_[setup_.effects[e].state] = static_cast<double>(start.point) * grids_[g].period_s;
+        effect_state_[setup_.effects[e].state] = grids_[g].since_start_s(start.point);
     for (std::size_t k = start.point; k + 1 < grids_[g].points() && sums.finite; ++k) {
       sums.finite = advance(grids_[g], k, force_sd);
       if (sums.finite) correct(grids_[g], k + 1, sums);

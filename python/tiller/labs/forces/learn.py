@@ -78,7 +78,7 @@ class Course:
 
     def _doubt(self, learnt: Learnt) -> None:
         """An encoder's error is no force: what is learnt of it serves rollouts that begin at its readings alone."""
-        if not learnt.chosen:
+        if not learnt.chosen or "encoder_eccentricity" in learnt.chosen.ground.document["origin"]:
             return
         self._tell("asking whether an eccentric encoder explains it")
         robot = _core.Robot.from_text(learnt.ground.document["robot_text"], str(self.logs.robot))
