@@ -25,8 +25,9 @@ inline bool has_sensor_effects(const tiller_config_t& config) {
   return false;
 }
 
-/// The map of one state's sensor about the value `at` of that state. params: (param_count) the model's, then the effects'; element i stands at
-/// params[i * stride]. Effects at one sensor act in the order of the configuration. Cost: one pass over the effects.
+/// The map of one state's sensor about the value `at` of that state. params: (param_count) the model's, then the
+/// effects'; element i stands at params[i * stride]. Effects at one sensor act in the order of the configuration. Cost:
+/// one pass over the effects.
 inline MeasurementMap measurement_map(const tiller_config_t& config, std::uint32_t state, double at,
                                       const double* params, std::size_t stride = 1) {
   MeasurementMap map;

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-FORMS = ("auto", "network", "gaussian")
+FORMS = ("auto", "effects", "network", "gaussian")
 MOST_MEMBERS, MOST_WIDTH = 16, 64  # TILLER_MAX_NETWORK_MEMBERS, TILLER_MAX_NETWORK_WIDTH
 
 

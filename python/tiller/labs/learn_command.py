@@ -48,8 +48,8 @@ def add(one: argparse.ArgumentParser) -> None:
     one.add_argument("-o", "--out", type=Path,
                      help="folder for the network, the robot file with it, learn.json and the page")
     one.add_argument("--form", choices=FORMS, default=o.form,
-                     help="network: an ensemble of perceptrons; gaussian: a sparse Gaussian process; auto: the better "
-                     "one on what is held out (default)")
+                     help="effects: of the catalogue alone; network: an ensemble of perceptrons; gaussian: a sparse "
+                     "Gaussian process; auto: the better one on what is held out (default)")
     one.add_argument("--hidden", type=_widths, metavar="A,B", default=o.hidden,
                      help="widths of the hidden layers (default 16,16)")
     for name, kind, least, most, what in (
