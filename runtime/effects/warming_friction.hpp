@@ -31,7 +31,8 @@ struct WarmingFriction {
     return i;
   }();
   static S force(const JointStep<S>& in, S* state, const S* p) {
-    const S warm = exp(-min((state[0] + S(0.5) * in.dt_s) / max(p[2], S(1e-3)), S(60.0)));
+    const S age = max(state[0] + S(0.5) * in.dt_s, S(0.0)) / max(p[2], S(1e-3));
+    const S warm = exp(-min(age, S(60.0)));
     state[0] = state[0] + in.dt_s;
     const S now = p[0] * (p[1] + (S(1.0) - p[1]) * warm);
     return dry_friction(in, [&](const S&, const S&) { return now; });
