@@ -62,7 +62,7 @@ def test_a_policy_is_searched_on_a_robot_over_lcm(tmp_path, reset):
                             "--restarts", "0", "--bumps", "5", "-o", "policy.json"],
                            cwd=tmp_path, capture_output=True, text=True, timeout=600)
     assert ended.returncode == 0, ended.stderr
-    assert "trial 1: a policy by chance" in ended.stderr and "trial 2: cost" in ended.stderr
+    assert "a policy by chance" in ended.stderr and "trial 2: cost" in ended.stderr
     assert json.loads((tmp_path / "policy.json").read_text(encoding="utf-8"))["format"] == "tiller policy"
     assert not (tmp_path / "robot_trial.toml").exists()
     logs = sorted((tmp_path / "policy_trials").glob("trial_*.csv"))
