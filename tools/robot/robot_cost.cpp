@@ -79,10 +79,9 @@ void read_term(FileErrors& errors, const toml::table& table, std::uint32_t kind,
   };
   for (std::uint32_t i = 0; i < info.state_count; ++i) {
     const int state = named_state(section, info.states[i].key, robot.states);
-    if (state < 0) continue;
-    term.states[i] = static_cast<std::uint32_t>(state);
+    term.states[i] = static_cast<std::uint32_t>(state);  // of one that is not found: no other's
     for (std::uint32_t j = 0; j < i; ++j)
-      if (term.states[j] == term.states[i] && section.has(info.states[j].key))
+      if (state >= 0 && term.states[j] == term.states[i])
         section.error(info.states[i].key, "is " + std::string(info.states[j].key) + " already", "name another state");
   }
   for (std::uint32_t i = 0; i < info.param_count; ++i) term.params[i] = number(info.params[i].key);
