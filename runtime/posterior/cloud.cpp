@@ -151,14 +151,14 @@ void Cloud::permute(double* row) const {
 
 void Cloud::moments(const double* rows, double* mean_out, double* sd_out) const {
   for (std::uint32_t i = 0; i < np && (mean_out || sd_out); ++i) {
-    const double* row = rows + i * n;
-    double mean = 0.0, square = 0.0;
-    for (std::uint32_t k = 0; k < n; ++k) mean += weight[k] * row[k];
-    for (std::uint32_t k = 0; k < n; ++k) square += weight[k] * (row[k] - mean) * (row[k] - mean);
     // a fixed parameter is exact, whatever the weights' sum rounds to
     const bool fixed = config->priors[i].kind == tiller_prior_fixed;
-    if (mean_out) mean_out[i] = fixed ? config->priors[i].a : mean;
-    if (sd_out) sd_out[i] = fixed ? 0.0 : std::sqrt(square);
+    const double* row = rows + i * n;
+    double mean = fixed ? config->priors[i].a : 0.0, square = 0.0;
+    for (std::uint32_t k = 0; k < n && !fixed; ++k) mean += weight[k] * row[k];
+    for (std::uint32_t k = 0; k < n && !fixed && sd_out; ++k) square += weight[k] * (row[k] - mean) * (row[k] - mean);
+    if (mean_out) mean_out[i] = mean;
+    if (sd_out) sd_out[i] = std::sqrt(square);
   }
 }
 

@@ -51,13 +51,15 @@ void FilterEstimate::moments(double* param_mean, double* param_sd, double* state
     param_sd[param] = std::hypot(param_sd[param], drift_sd(i));
   }
   if (!state_mean && !state_sd) return;
-  const std::uint32_t about = p_.heaviest();
+  const std::uint32_t about = p_.heaviest(), n = p_.n();
+  const tiller_model_t& model = *p_.cloud.config->model;
+  const double* weight = p_.cloud.weight;
   for (std::uint32_t i = 0; i < nx(); ++i) {
     // about one particle, so that angles on both sides of the cut average rightly
     const double *row = p_.state(i), *variance = p_.covariance(i, i);
     MixtureMoments all;
-    for (std::uint32_t k = 0; k < p_.n(); ++k)
-      all.add(p_.weight(k), state_difference(*p_.cloud.config->model, i, row[k], row[about]), variance[k]);
+    for (std::uint32_t k = 0; k < n; ++k)
+      all.add(weight[k], state_difference(model, i, row[k], row[about]), variance[k]);
     if (state_mean) state_mean[i] = row[about] + all.mean;
     if (state_sd) state_sd[i] = all.deviation(noise_scale_);
   }
