@@ -1,6 +1,6 @@
 #pragma once
 
-// Every threshold of `tiller gap`, with its reason; docs/evidence/gap_thresholds.md says the same in tables.
+// Every threshold of `tiller gap`, with its reason; docs/evidence/gap_thresholds.md has the rules that use them.
 
 namespace tiller::tools::gap {
 
