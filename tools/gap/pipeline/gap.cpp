@@ -192,7 +192,10 @@ Result find_gap_on(const tiller_config_t& as_told, const std::vector<std::string
   }
   const Candidate& reference = options.before ? frozen : found.entries[0];
   s.progress("localising", 0);
-  if (!s.stopped()) localise(config, s.data.grids, reference.fit.params.data(), options.seed, result);
+  // by parameters that stand far from their priors a force would be told in units of their mistake
+  const std::size_t by = centre_of_own(s, found.entries[0]).empty() ? 0 : found.best;
+  const Candidate& shown = options.before ? frozen : found.entries[by];
+  if (!s.stopped()) localise(config, s.data.grids, shown.fit.params.data(), options.seed, result);
   s.progress("proof", 0);
   test_on_holdout(s, reference, found.entries[found.best], result);
   if (options.before) tell_changes(s, found, result);
