@@ -17,7 +17,6 @@ Sections:
     emps      a measured ball-screw axis (--emps FOLDER; never shipped)
     xl330     a measured servo (--xl330 FOLDER)
     dfki      a measured pendulum (data/, or --dfki FOLDER)
-    change    what changed between two sets of logs: mass, gain, friction, delay, nothing (--first SEED, --seeds N)
     loop      what the new robot file is worth in closed loop
     residual  what is learnt where nothing fits
 
@@ -45,12 +44,11 @@ from _driver import ROOT, note, run_table, summary
 
 WORLDS = ["sealed", "null", "two", "outside"]
 MACHINES = ["emps", "xl330", "dfki"]
-OTHERS = {"change": "bench_gap_change", "loop": "bench_gap_loop", "residual": "bench_gap_residual"}
+OTHERS = {"loop": "bench_gap_loop", "residual": "bench_gap_residual"}
 SECTIONS = [*WORLDS, "mujoco", "sindy", *MACHINES, *OTHERS]
 TITLES = {"sealed": "one hidden effect", "null": "nothing hidden", "two": "two hidden effects",
           "outside": "hidden effects that the catalogue lacks", "emps": "EMPS", "xl330": "XL330", "dfki": "DFKI pendulum",
-          "mujoco": "MuJoCo's machines", "sindy": "PySINDy on the same data", "change": "what changed",
-          "loop": "closing the loop", "residual": "when nothing fits"}
+          "mujoco": "MuJoCo's machines", "sindy": "PySINDy on the same data", "loop": "closing the loop", "residual": "when nothing fits"}
 QUICK = {"sealed": ["--seeds", "1", "--noises", "0.002"], "null": ["--seeds", "1", "--noises", "0.002"]}
 # logs of the XL330 that nothing is fitted to
 HELD_OUT = "up_and_down"
