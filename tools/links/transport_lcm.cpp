@@ -14,7 +14,7 @@ class LcmHost final : public HostTransport {
     lcm.url = robot.transport.url.c_str();
     lcm.channel_prefix = robot.transport.channel_prefix.c_str();
     lcm.measurement_count = robot.config.measurement_count;
-    lcm.input_count = robot.model->input_count;
+    lcm.input_count = robot.config.model->input_count;
     lcm.stamp_on_arrival = robot.transport.stamp_on_arrival && !options.lockstep;
     lcm.lockstep = options.lockstep;
     lcm.liblcm = robot.transport.liblcm;
@@ -33,7 +33,7 @@ class LcmHost final : public HostTransport {
   bool tells_latency() const override { return true; }
 
   void tell(const RobotFile& robot, const tiller_info_t& info, std::int64_t stamp_us, const LogState& log) override {
-    (void)lcm_send_telemetry(&lcm_, stamp_us, info, robot.model->state_count, robot.config.param_count, log);
+    (void)lcm_send_telemetry(&lcm_, stamp_us, info, robot.config.model->state_count, robot.config.param_count, log);
   }
 
   std::string more_counters() const override {

@@ -24,12 +24,12 @@ CanChannel parse_channel(const std::string& text, const Words& inputs) {
 
 bool can_layout(const RobotFile& robot, CanLayout& layout, std::string& error) {
   const TransportSection& t = robot.transport;
-  layout.motor_count = robot.model->input_count;
+  layout.motor_count = robot.config.model->input_count;
   for (std::uint32_t i = 0; i < layout.motor_count; ++i) {
     layout.motors[i].node = i < t.nodes.size() ? t.nodes[i] : i + 1;
     layout.motors[i].wheel_radius_m = i < t.wheel_radius_m.size() ? t.wheel_radius_m[i] : 1;
     if (i < t.drives.size() && !drive_settings(t.drives[i], layout.motors[i].node, layout.motors[i].drive, error)) {
-      error = robot.path + ": transport.drives." + robot.inputs[i] + ": " + error;
+      error = robot.path + ": transport.drives." + robot.names.inputs[i] + ": " + error;
       return false;
     }
     const double rate_per_s = robot.config.safety.input_rate_per_s[i];
@@ -39,7 +39,7 @@ bool can_layout(const RobotFile& robot, CanLayout& layout, std::string& error) {
   bool board = t.channels.empty();
   for (std::uint32_t i = 0; i < layout.channel_count; ++i) {
     layout.channels[i].index = static_cast<std::uint8_t>(i);
-    if (!t.channels.empty()) layout.channels[i] = parse_channel(t.channels[i], robot.inputs);
+    if (!t.channels.empty()) layout.channels[i] = parse_channel(t.channels[i], robot.names.inputs);
     board = board || layout.channels[i].source == CanSource::kSensor;
   }
   layout.sensor_node = board ? t.sensor_node : CanLayout::kNoBoard;

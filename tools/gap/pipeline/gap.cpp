@@ -175,7 +175,7 @@ Result find_gap_in(const RobotFile& robot, const std::vector<Log>& logs, const s
   for (int part = 0; part < 2; ++part)
     for (const Log& log : part == 0 ? logs : hold_out)
       for (Grid& grid : make_grids(log, robot.log, robot.config)) grids[part].push_back(std::move(grid));
-  return find_gap_on(robot.config, robot.params, std::move(grids[0]), std::move(grids[1]), options);
+  return find_gap_on(robot.config, robot.names.params, std::move(grids[0]), std::move(grids[1]), options);
 }
 
 Result find_gap(const RobotFile& robot, const Options& options) {
@@ -187,7 +187,7 @@ Result find_gap(const RobotFile& robot, const Options& options) {
   load_logs(robot, options.hold_out, options.most_steps, true, logs, grids[1], &hash[1], loaded);
   Result result = loaded;
   if (loaded.reasons.empty()) {
-    result = find_gap_on(robot.config, robot.params, std::move(grids[0]), std::move(grids[1]), options);
+    result = find_gap_on(robot.config, robot.names.params, std::move(grids[0]), std::move(grids[1]), options);
     result.notes.insert(result.notes.begin(), loaded.notes.begin(), loaded.notes.end());
   }
   if (!result.reasons.empty()) result.sentence = "The logs cannot be used.";

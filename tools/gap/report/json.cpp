@@ -83,7 +83,7 @@ json estimate_json(const Estimate& e, bool own) {
 
 json explanation_json(const Explanation& x, const RobotFile& robot) {
   json effects = json::array(), params = json::array();
-  for (const EffectAt& effect : x.effects) effects.push_back(effect_json(effect, *robot.model));
+  for (const EffectAt& effect : x.effects) effects.push_back(effect_json(effect, *robot.config.model));
   for (std::size_t i = 0; i < x.params.size(); ++i)
     params.push_back(estimate_json(x.params[i], i < robot.config.param_count));
   return {{"effects", effects},
@@ -119,7 +119,7 @@ json catalogue_json(const Result& result) {
 json channels_json(const RobotFile& robot) {
   json list = json::array();
   for (std::uint32_t k = 0; k < robot.config.measurement_count; ++k) {
-    const std::string name = robot.model->state_names[robot.config.measured_state[k]];
+    const std::string name = robot.config.model->state_names[robot.config.measured_state[k]];
     list.push_back({{"name", name}, {"unit", unit_of_field(name)}, {"sd", number(robot.config.measurement_sd[k])}});
   }
   return list;
@@ -165,7 +165,7 @@ int exit_code_of(const Result& result, double budget_sigma) {
 
 std::string gap_json(const RobotFile& robot, const Options& options, const Result& result,
                      const std::string& robot_file) {
-  const tiller_model_t& model = *robot.model;
+  const tiller_model_t& model = *robot.config.model;
   json maps = json::array(), ranking = json::array(), forces = json::array();
   for (const MissingForce& f : result.forces) forces.push_back(force_json(f, model));
   for (const AxisMap& map : result.maps) maps.push_back(map_json(map, model));
@@ -186,7 +186,7 @@ std::string gap_json(const RobotFile& robot, const Options& options, const Resul
                       {"file", robot.path},
                       {"model", model.name},
                       {"period_s", robot.config.period_s},
-                      {"inputs", robot.inputs},
+                      {"inputs", robot.names.inputs},
                       {"hash", result.model_hash}}},
                     {"data",
                      {{"logs", options.logs},

@@ -33,8 +33,8 @@ void append_ranking(const RobotFile& robot, const Result& result, std::string& t
     const Explanation& x = result.ranking[i];
     bool rival = false;
     for (const std::size_t a : result.ambiguity) rival = rival || a == i;
-    text += format("%c %-46s %10.1f %8.1f %9.1f %7.3g\n", rival ? '*' : ' ', effects_line(x, *robot.model).c_str(),
-                   x.gain_nats, x.z, x.z_to_best, x.remaining_sigma);
+    text += format("%c %-46s %10.1f %8.1f %9.1f %7.3g\n", rival ? '*' : ' ',
+                   effects_line(x, *robot.config.model).c_str(), x.gain_nats, x.z, x.z_to_best, x.remaining_sigma);
   }
   if (result.ambiguity.size() > 1) text += "  (*: cannot be told apart on these data)\n";
 }
@@ -59,8 +59,8 @@ void append_region(const RobotFile& robot, const Result& result, std::string& te
   for (const AxisMap& map : result.maps)
     if (map.joint == r.joint && map.axis == r.axis) label = map.axis_label.c_str();
   text += format("\nWhere: at %s, %s from %.4g to %.4g: %.3g +- %.1g (%s) are missing (z = %.0f)\n",
-                 robot.model->joints[r.joint].name, label, r.low, r.high, r.force, r.force_sd,
-                 robot.model->force_names[robot.model->joints[r.joint].force], r.z);
+                 robot.config.model->joints[r.joint].name, label, r.low, r.high, r.force, r.force_sd,
+                 robot.config.model->force_names[robot.config.model->joints[r.joint].force], r.z);
 }
 
 }  // namespace
