@@ -8,7 +8,7 @@
 #include "rollout/measurement.hpp"
 #include "tools/base/text.hpp"
 #include "tools/gap/fit/hypothesis.hpp"
-#include "tools/gap/pipeline/engine.hpp"
+#include "tools/gap/pipeline/gap.hpp"
 #include "tools/gap/report/robot_writer.hpp"
 #include "tools/learn/own_params.hpp"
 #include "tools/open/robot_open.hpp"
