@@ -6,7 +6,7 @@
 #include "effects/effect_info.hpp"
 #include "tests/gap/synthetic.hpp"
 #include "tiller/config.hpp"
-#include "tools/gap/pipeline/engine.hpp"
+#include "tools/gap/pipeline/gap.hpp"
 
 namespace tiller::tools::gap {
 namespace {

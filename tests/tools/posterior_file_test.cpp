@@ -216,7 +216,7 @@ TEST_F(PosteriorFile, BecomesThePriorOfItsRobotInTheRobotsOrder) {
   ASSERT_TRUE(take_prior(p, "cart.json", *robot, errors)) << join(errors, "\n");
   const char* field = nullptr;
   EXPECT_EQ(tiller_config_check(&robot->config, &field), tiller_status_ok) << field;
-  const std::vector<double> straight = robot->joint->mean;
+  const std::vector<double> straight = robot->memory.joint->mean;
 
   StoredPosterior turned = p;  // parameters 3, 1, 2
   const std::size_t from[3] = {2, 0, 1};
@@ -231,8 +231,8 @@ TEST_F(PosteriorFile, BecomesThePriorOfItsRobotInTheRobotsOrder) {
   }
   const auto other = good_robot();
   ASSERT_TRUE(take_prior(turned, "cart.json", *other, errors)) << join(errors, "\n");
-  EXPECT_EQ(other->joint->mean, straight);
-  EXPECT_EQ(other->joint->root, robot->joint->root);
+  EXPECT_EQ(other->memory.joint->mean, straight);
+  EXPECT_EQ(other->memory.joint->root, robot->memory.joint->root);
 }
 
 TEST_F(PosteriorFile, OfAnotherRobotIsRefused) {

@@ -67,7 +67,7 @@ json effect_json(const EffectAt& effect, const RobotFile& robot) {
     return {{"kind", info_of(effect.kind).name},
             {"port_kind", "parameter"},
             {"port", param_name(robot.config, effect.port)}};
-  const tiller_model_t& model = *robot.model;
+  const tiller_model_t& model = *robot.config.model;
   const EffectInfo& info = info_of(effect.kind);
   return {{"kind", info.name},
           {"port_kind", port_kind_name(info.port)},
@@ -157,7 +157,7 @@ json changes_json(const Result& result) {
 json channels_json(const RobotFile& robot) {
   json list = json::array();
   for (std::uint32_t k = 0; k < robot.config.measurement_count; ++k) {
-    const std::string name = robot.model->state_names[robot.config.measured_state[k]];
+    const std::string name = robot.config.model->state_names[robot.config.measured_state[k]];
     list.push_back({{"name", name}, {"unit", unit_of_field(name)}, {"sd", number(robot.config.measurement_sd[k])}});
   }
   return list;
@@ -204,7 +204,7 @@ int exit_code_of(const Result& result, double budget_sigma) {
 
 std::string gap_json(const RobotFile& robot, const Options& options, const Result& result,
                      const std::string& robot_file) {
-  const tiller_model_t& model = *robot.model;
+  const tiller_model_t& model = *robot.config.model;
   json maps = json::array(), ranking = json::array(), forces = json::array();
   for (const MissingForce& f : result.forces) forces.push_back(force_json(f, model));
   for (const AxisMap& map : result.maps) maps.push_back(map_json(map, model));
@@ -225,7 +225,7 @@ std::string gap_json(const RobotFile& robot, const Options& options, const Resul
                       {"file", robot.path},
                       {"model", model.name},
                       {"period_s", robot.config.period_s},
-                      {"inputs", robot.inputs},
+                      {"inputs", robot.names.inputs},
                       {"hash", result.model_hash}}},
                     {"data",
                      {{"logs", options.logs},
