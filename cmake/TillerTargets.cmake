@@ -198,14 +198,18 @@ endfunction()
 
 # tiller_knows_copies(target): scalar/isa_copies.hpp names the instruction sets of this build in the target's sources.
 function(tiller_knows_copies target)
-  list(TRANSFORM TILLER_ISAS PREPEND TILLER_HAS_ISA_ OUTPUT_VARIABLE built_isas)
+  cmake_parse_arguments(ARG "" "" "ISAS" ${ARGN})
+  if(NOT ARG_ISAS)
+    set(ARG_ISAS ${TILLER_ISAS})
+  endif()
+  list(TRANSFORM ARG_ISAS PREPEND TILLER_HAS_ISA_ OUTPUT_VARIABLE built_isas)
   target_compile_definitions(${target} PRIVATE ${built_isas})
 endfunction()
 
-# tiller_isa_sources(target file.cpp ...)
+# tiller_isa_sources(target file.cpp ... [ISAS isa ...])
 #
-# Compiles each file once per instruction set of the target architecture, with TILLER_COMPILE_ISA set to its
-# name (see scalar/isa.hpp). The flags never reach any other file, and these copies are optimised even in debug
+# Compiles each file once per instruction set (of the build, or of ISAS), with TILLER_COMPILE_ISA set to its name (see
+# scalar/isa.hpp). The flags never reach any other file, and these copies are optimised even in debug
 # builds: an inline function of the standard library that is emitted out of line in the AVX-512 copy could be
 # the one the linker keeps for everybody.
 if(TILLER_REPRODUCIBLE)
@@ -238,10 +242,14 @@ elseif(NOT TILLER_ISA_ONLY AND NOT CMAKE_CROSSCOMPILING AND EXISTS /proc/cpuinfo
   tiller_processor_has(has_avx2 avx2 fma)
   if(has_avx512 AND NOT DEFINED ENV{CI})
     set(TILLER_ISAS sse2 avx512)
+  elseif(has_avx512)
+    set(TILLER_EMULATED_ISA avx2)  # of few models: tests run it under an emulator, the processor itself never
   elseif(has_avx2 AND NOT has_avx512)
     set(TILLER_ISAS sse2 avx2)
   endif()
 endif()
+list(GET TILLER_ISAS 0 TILLER_FIRST_ISA)
+list(GET TILLER_ISAS -1 TILLER_BEST_ISA)
 set(TILLER_ISA_FLAGS_scalar -Wno-narrowing)  # & of two bools is an int
 set(TILLER_ISA_FLAGS_sse2 -msse2)
 set(TILLER_ISA_FLAGS_avx2 -mavx2 -mfma)
@@ -278,11 +286,15 @@ else()
   set(TILLER_ISA_OPTIMISATION -O3)
 endif()
 function(tiller_isa_sources target)
-  tiller_knows_copies(${target})
-  foreach(source IN LISTS ARGN)
+  cmake_parse_arguments(ARG "" "" "ISAS" ${ARGN})
+  if(NOT ARG_ISAS)
+    set(ARG_ISAS ${TILLER_ISAS})
+  endif()
+  tiller_knows_copies(${target} ISAS ${ARG_ISAS})
+  foreach(source IN LISTS ARG_UNPARSED_ARGUMENTS)
     get_filename_component(stem ${source} NAME_WE)
     get_filename_component(path ${source} ABSOLUTE)
-    foreach(isa IN LISTS TILLER_ISAS)
+    foreach(isa IN LISTS ARG_ISAS)
       set(copy ${CMAKE_CURRENT_BINARY_DIR}/${stem}_${isa}.cpp)
       file(CONFIGURE OUTPUT ${copy} CONTENT "#include \"${path}\"  // NOLINT(bugprone-suspicious-include)\n" @ONLY)
       set_source_files_properties(${copy} PROPERTIES

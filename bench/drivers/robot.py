@@ -40,6 +40,7 @@ from _driver import ROOT, note, run_table, summary
 
 SECTIONS = {}
 RELEASE = ROOT / "build/release"
+FAULTS = ROOT / "docs/evidence/faults.md"
 
 
 class NotMeasured(Exception):
@@ -128,8 +129,11 @@ def program(args, name, *arguments):
 
 @section("fault matrix")
 def faults(args):
-    page = ["--page", ROOT / "docs/evidence/faults.md"] if args.page else []
-    return program(args, "faults", "--seeds", 2 if args.quick else 20, *page)
+    page = ["--page", FAULTS] if args.page else []
+    rows = program(args, "faults", "--seeds", 2 if args.quick else 20, *page)
+    if args.page:
+        FAULTS.write_text(join_rows(FAULTS.read_text(encoding="utf-8")), encoding="utf-8")
+    return rows
 
 
 @section("output gate")
@@ -179,12 +183,29 @@ def faults_on_sockets(args):
         raise NotMeasured(f"bus_faults.sh ended with {code}:\n{said[-2000:]}")
     kinds, runs, wrong = map(int, counted.groups())
     if args.page:
-        write_between_marks(ROOT / "docs/evidence/faults.md", "buses", "".join(
+        write_between_marks(FAULTS, "buses", join_rows("".join(
             f"{line}\n" for line in ["| group | fault | over | what tiller does | stopped after, worst | allowed |",
-                                     "|---|---|---|---|---|---|", *re.findall(r"^PAGE (.*)$", said, re.MULTILINE)]))
+                                     "|---|---|---|---|---|---|", *re.findall(r"^PAGE (.*)$", said, re.MULTILINE)])))
     heading = f"faults on real sockets, virtual CAN, {kinds} kinds"
     return [row("buses", heading, f"safe in time, limits held, nothing stale sent: {runs} runs",
                 100.0 * (runs - wrong) / runs, "%", ">=", 100.0)]
+
+
+def join_rows(text):
+    """Rows of a table of faults that differ in the drive alone, or are refused configurations, are one row."""
+    lines, places = [], {}
+    for line in text.splitlines(keepends=True):
+        found = (re.match(r"(\| drives \| )([^:|]+)(: .*)", line, re.DOTALL) or
+                 re.match(r"(\| configuration \| )(.*?)( \| - \| refused .*)", line, re.DOTALL))
+        if found and found[3] in places:
+            place, names = places[found[3]]
+            names.append(found[2])
+            lines[place] = found[1] + "; ".join(names) + found[3]
+            continue
+        if found:
+            places[found[3]] = (len(lines), [found[2]])
+        lines.append(line)
+    return "".join(lines)
 
 
 def write_between_marks(path, name, text):

@@ -33,7 +33,7 @@ from pathlib import Path
 import numpy as np
 
 from tiller import _core
-from tiller.labs.policies.adaptive import AdaptiveIlqr, AdaptiveLqr, AdaptiveOptions, offset_deviation
+from tiller.labs.policies.adaptive import AdaptiveIlqr, AdaptiveLqr, AdaptiveOptions
 from tiller.labs.policies.guided import GuidedOptions, GuidedResult, guided_search
 from tiller.labs.policies.local import Data, fit_mixture, fit_step, prior_of_mixture, prior_of_model
 from tiller.labs.policies.neural_physics import earlier_runs, network_physics
@@ -146,8 +146,7 @@ def break_cost(name, seed, adapt):
                       plant_seed=seed)
     physics = Model(robot, FAST_S).physics()
     controller = AdaptiveLqr(physics, AdaptiveOptions(target, low, high, weight, 0.01 / high**2,
-                                                      measured_deviation(robot, 0.1),
-                                                      offset_deviation(physics, target, low, high), adapt=adapt))
+                                                      measured_deviation(robot, 0.1), adapt=adapt))
 
     def loop(x, k):
         u = controller(x, k)
@@ -174,10 +173,9 @@ def network_figures(name, seed):
     run = PlantTrials(robot, 0.1, task.horizon, noise, task.start_mean, task.start_covariance, seed, plant_seed=seed)
     costs, network = [], network_physics(task, earlier_runs(robot, task, noise, 30, seed), seed)
     for physics in (Model(robot, 0.1).physics(), network):
-        offset = offset_deviation(physics, goal.target, task.low, task.high)
         for adapt in (False, True):
-            o = AdaptiveOptions(goal.target, task.low, task.high, goal.state, goal.control, noise, offset,
-                                horizon=HORIZON, adapt=adapt)
+            o = AdaptiveOptions(goal.target, task.low, task.high, goal.state, goal.control, noise, horizon=HORIZON,
+                                adapt=adapt)
             controller = AdaptiveIlqr(physics, o)
             trial = run(lambda x, k, c=controller: GAIN * c(x, k), 0)
             costs.append(float(goal.of(trial.truth, trial.command)))

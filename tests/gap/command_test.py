@@ -189,6 +189,11 @@ class Command(unittest.TestCase):
                                 ((self.robot, self.free[0], "--only", "columb_friction"), "coulomb_friction"),
                                 ((self.robot, self.free[0], "--max-effects", "0"), "max-effects"),
                                 (("none.toml", self.free[0]), "none.toml"),
+                                ((self.robot, self.free[0], "--write-urdf", "x.urdf"), "-o FOLDER"),
+                                ((self.robot, self.free[0], "--write-mjcf", "x.xml", "-o", self.home / "x"),
+                                 "--description"),
+                                ((self.robot, self.free[0], "--write-mjcf", "x.xml", "-o", self.home / "x",
+                                  "--description", "none.xml"), "none.xml"),
                                 ((self.robot, self.free[0], "-o", "/proc/nowhere"), "/proc/nowhere"),
                                 ((self.robot, self.free[0], "-o", "/dev/full"), "/dev/full"),
                                 ((self.robot, self.free[0], "-o", f"{self.robot}/x"), "another folder")):

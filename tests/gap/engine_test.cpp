@@ -197,6 +197,28 @@ TEST(Engine, NamesTwo) {
   EXPECT_EQ(names_of(r), (Names{"coulomb_friction", "input_delay"}));
 }
 
+// Without the load the best that the model can do is a pole of no mass, from where its mass cannot be told any more.
+TEST(Engine, NamesALoadWithoutWhichTheModelsOwnMassIsLost) {
+  Synthetic s;
+  s.model = tiller_find_model("cart_pole");
+  s.params = {1.15, 0.238, 0.32};
+  s.amplitude = 8;
+  s.noise_sd = 5e-4;
+  s.payload_kg = 0.067;
+  tiller::Config config = synthetic_config(s);
+  for (int i = 0; i < 2; ++i) {
+    const double at = s.params[static_cast<std::size_t>(i)] * (i ? 1.008 : 0.985);
+    config.priors[i] = {tiller_prior_normal, 0, at, 0.03 * at, 0, HUGE_VAL};
+  }
+  config.process_sd[2] = config.process_sd[3] = 1e-3;
+  const Result r = find_gap_on(config, {"cart_mass_kg", "pole_mass_kg", "half_length_m"}, simulate_logs(s, 6, 100005),
+                               std::vector<Grid>(), {});
+  std::printf("   %s\n", r.sentence.c_str());
+  EXPECT_EQ(r.verdict, Verdict::named);
+  EXPECT_EQ(names_of(r), Names{"payload"});
+  EXPECT_NEAR(r.ranking.front().params.back().mean, s.payload_kg, 0.001);
+}
+
 TEST(Engine, NamesNothingWhereNothingIs) {
   for (const std::uint64_t seed : {100010u, 100011u, 100012u}) {
     Synthetic plain = pendulum(2e-3);

@@ -27,6 +27,7 @@ struct Synthetic {
   std::function<double(double q, double v, double u, double t)> force;  // at `joint`; empty: none
   std::function<double(double u)> actuator;                             // empty: as commanded
   double delay_s = 0;
+  double payload_kg = 0;
   bool continuous = false;  // the input moves within a period: what a log has is its value at the row
 };
 
@@ -73,7 +74,7 @@ inline Grid simulate(const Synthetic& s, std::uint64_t seed) {
   grid.state.resize(model.state_count);
   grid.input.resize(model.input_count);
   const auto points = static_cast<std::size_t>(s.seconds / s.period_s);
-  const tiller_body_t body = {0, -9.81, 0, 0};
+  const tiller_body_t body = {0, -9.81, s.payload_kg, 0};
   std::vector<double> x(model.state_count, 0.0);
   if (std::string(model.name) == "cart_pole") x[1] = 3.14159;  // hangs
   const int fine = static_cast<int>(std::lround(s.period_s / 0.0005));

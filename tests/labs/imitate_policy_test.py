@@ -65,8 +65,8 @@ def moved(law, starts):
 
 
 # IQ-Learn sees two motions to rest, one from each side, and is judged elsewhere between them. It begins at a network
-# that has learnt nothing, in the place of cloning, which spends more than twice what the demonstrator does. Less than a
-# fifth more was asked of what it learns; 1.06 was found.
+# that has learnt nothing, in the place of cloning, which spends more than twice what the demonstrator does; from there
+# the policy learns at Q's own rate. Less than a fifth more is asked of what it learns; 1.004 was found.
 def test_iq_learn_brings_a_mass_to_rest_as_it_was_shown(monkeypatch):
     monkeypatch.setattr(iq, "clone", lambda scene, motions, key: network.make_policy(
         scene, network.pairs(motions)[0], key))
@@ -78,7 +78,7 @@ def test_iq_learn_brings_a_mass_to_rest_as_it_was_shown(monkeypatch):
 
     states, inputs = moved(expert, np.array([[1.0, 0.0], [-1.0, 0.2]]))
     motions = [Motion(states[:, i], inputs[:, i]) for i in range(2)]
-    fit = iq.fit_iq(scene, motions, iq.IqOptions())
+    fit = iq.fit_iq(scene, motions, iq.IqOptions(policy_rate=1e-3))
     starts = np.random.default_rng(1).uniform(-1, 1, (16, 2)) * [1, 0.5]
 
     def spent(law):

@@ -2,7 +2,7 @@
 
 #include "kinematic_models.hpp"
 
-#include "kernel_table.hpp"
+#include "rollout/kernel_table.hpp"
 #include "unicycle.hpp"
 
 template <class S>

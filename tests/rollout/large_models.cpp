@@ -2,7 +2,7 @@
 
 #include "large_models.hpp"
 
-#include "kernel_table.hpp"
+#include "rollout/kernel_table.hpp"
 #include "spatial_quadrotor.hpp"
 
 namespace tiller::test {

@@ -2,8 +2,8 @@
 
 #include "large_models.hpp"
 
-#include "kernel_table.hpp"
 #include "mass_chain.hpp"
+#include "rollout/kernel_table.hpp"
 
 namespace tiller::test {
 namespace {

@@ -31,6 +31,7 @@ namespace fs = std::filesystem;
 
 struct GapOptions {
   std::string robot, folder;
+  std::string mjcf, urdf, description;  ///< to write; what they are made from
   bool json = false;
   gap::Options find;
 };
@@ -217,6 +218,46 @@ bool write_new_robot(const GapOptions& options, const RobotFile& robot, const ga
   return true;
 }
 
+/// What the simulator's description is made from.
+std::string description_of(const GapOptions& options, const RobotFile& robot) {
+  return options.description.empty() ? robot.sim.file : options.description;
+}
+
+/// The simulator's description with what was found, by tiller_tools.simulator_patch. False after a complaint.
+bool write_description(const GapOptions& options, const RobotFile& robot, const gap::Result& result,
+                       const std::string& json_path) {
+  using gap::Verdict;
+  if (options.mjcf.empty() && options.urdf.empty()) return true;
+  const std::string& target = options.mjcf.empty() ? options.urdf : options.mjcf;
+  if (result.verdict != Verdict::named && result.verdict != Verdict::ambiguous && result.verdict != Verdict::partly) {
+    if (!options.json) std::printf("nothing was named that a simulator lacks: %s is not written\n", target.c_str());
+    return true;
+  }
+  std::string error;
+  Words words = {json_path, description_of(options, robot), "-o", target};
+  if (!robot.sim.frame.empty()) words.insert(words.end(), {"--frame", robot.sim.frame});
+  if (!can_write_file(target, error) || !run_python_tool("simulator_patch", words, error))
+    return complain(error), false;
+  if (!options.json)
+    std::printf("description for the simulator (what it cannot say is listed at its end): %s\n",
+                fs::absolute(target).c_str());
+  return true;
+}
+
+/// Empty: good.
+std::string wrong_description(const GapOptions& options, const RobotFile& robot) {
+  if (options.mjcf.empty() && options.urdf.empty()) return "";
+  const std::string option = options.mjcf.empty() ? "--write-urdf" : "--write-mjcf";
+  if (options.folder.empty()) return option + " needs -o FOLDER, which holds the results";
+  if (options.description.empty() && (robot.sim.file.empty() || !options.mjcf.empty()))
+    return option + " needs the file that the robot was imported from: --description FILE" +
+           (options.mjcf.empty() ? " ([sim] of " + robot.path + " names no file)" : "");
+  const std::string from = description_of(options, robot);
+  std::error_code none;
+  if (!fs::is_regular_file(from, none)) return from + ": there is no such file; name another with --description";
+  return "";
+}
+
 /// gap.json, the new robot file and the page. The tables are printed already: what fails here loses no result.
 bool write_results(const GapOptions& options, const RobotFile& robot, const gap::Result& result, std::string& json) {
   std::string new_robot, error;
@@ -224,6 +265,7 @@ bool write_results(const GapOptions& options, const RobotFile& robot, const gap:
   json = gap::gap_json(robot, options.find, result, new_robot);
   const fs::path file = fs::path(options.folder) / "gap.json", page = fs::path(options.folder) / "gap.html";
   if (!replace_file(file.string(), json, error)) return complain(error), false;
+  good = write_description(options, robot, result, file.string()) && good;
   if (!draw_page("gap_report", file.string(), page.string(), error)) {
     complain(error);
     good = false;
@@ -241,6 +283,7 @@ int gap_command(GapOptions& options) {
   const auto robot = read_robot_or_complain(options.robot);
   if (!robot) return kExitGapUsage;
   std::string error;
+  if (!(error = wrong_description(options, *robot)).empty()) return complain(error), kExitGapUsage;
   if (!options.folder.empty() && !can_be_written(options.folder, error)) return complain(error), kExitGapUsage;
   const StopOnInterrupt on_interrupt;
   gap::Result result;
@@ -290,6 +333,11 @@ void add_gap_command(CLI::App& app, int& exit_code) {
       ->required();
   command->add_option("--hold-out", find.hold_out, "logs for the proof alone (default: a share of LOGS)");
   command->add_option("-o,--out", options->folder, "folder for gap.html, gap.json and the new robot file");
+  auto* mjcf = command->add_option("--write-mjcf", options->mjcf,
+                                   "with -o: the MJCF with what was found, as far as an MJCF can say it");
+  command->add_option("--write-urdf", options->urdf, "the same for a URDF")->excludes(mjcf);
+  command->add_option("--description", options->description,
+                      "MJCF or URDF that the robot was imported from (default for a URDF: [sim] file)");
   command
       ->add_option("--budget", find.budget_sigma, "gap over 1 s up to which the exit code is 0, in sigma (default 1.1)")
       ->check(number_between(0, 1e6));
@@ -323,7 +371,9 @@ void add_gap_command(CLI::App& app, int& exit_code) {
       "  tiller gap my_robot.toml run1.csv run2.csv run3.csv -o out/gap\n"
       "      look at out/gap/gap.html; out/gap/my_robot_gap.toml is the robot file with what was found\n"
       "  tiller gap my_robot.toml nightly/*.csv --budget 1.5 --json > gap.json || echo \"model and robot part\"\n"
-      "      in CI: fails where a gap of more than 1.5 sigma opens (docs/guide/gap.md)");
+      "      in CI: fails where a gap of more than 1.5 sigma opens (docs/guide/gap.md)\n"
+      "  tiller gap my_robot.toml run*.csv -o out/gap --description arm.xml --write-mjcf arm_found.xml\n"
+      "      gives the friction, masses and gains that were found back to MuJoCo, with intervals as comments");
   command->callback([options, &exit_code] { exit_code = gap_command(*options); });
 }
 

@@ -115,7 +115,7 @@ def guide(a: argparse.Namespace, robot: _core.Robot, task: Task) -> int:
 def adapt(a: argparse.Namespace, robot: _core.Robot, task: Task) -> int:
     import numpy as np
 
-    from .policies.adaptive import AdaptiveIlqr, AdaptiveLqr, AdaptiveOptions, offset_deviation
+    from .policies.adaptive import AdaptiveIlqr, AdaptiveLqr, AdaptiveOptions
     from .policies.neural_physics import earlier_runs, network_physics
     from .policies.plant import PlantTrials, measured_deviation
     from .policies.starts import goal_of
@@ -125,9 +125,9 @@ def adapt(a: argparse.Namespace, robot: _core.Robot, task: Task) -> int:
         physics = network_physics(task, earlier_runs(robot, task, noise, a.earlier, a.seed), a.seed)
     assert physics is not None
     run = PlantTrials(robot, a.period, task.horizon, noise, task.start_mean, task.start_covariance, a.seed)
-    offset, costs = offset_deviation(physics, goal.target, task.low, task.high), []
+    costs = []
     kind = AdaptiveIlqr if a.method == "adaptive_ilqr" else AdaptiveLqr
-    options = [AdaptiveOptions(goal.target, task.low, task.high, goal.state, goal.control, noise, offset, adapt=adapt)
+    options = [AdaptiveOptions(goal.target, task.low, task.high, goal.state, goal.control, noise, adapt=adapt)
                for adapt in (False, True)]
     for i in range(a.trials):
         trials = [run(kind(physics, o), i) for o in options]

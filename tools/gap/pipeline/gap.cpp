@@ -156,7 +156,9 @@ Result find_gap_on(const tiller_config_t& config, const std::vector<std::string>
       s.shooting->fit(found.entries[i].hypothesis, s.work, last, found.entries[i].fit);
   result.interrupted = found.interrupted;
   s.progress("localising", 0);
-  if (!s.stopped()) localise(config, s.data.grids, found.entries[0].fit.params.data(), options.seed, result);
+  // by parameters that stand far from their priors a force would be told in units of their mistake
+  const std::size_t by = centre_of_own(s, found.entries[0]).empty() ? 0 : found.best;
+  if (!s.stopped()) localise(config, s.data.grids, found.entries[by].fit.params.data(), options.seed, result);
   s.progress("proof", 0);
   test_on_holdout(s, found, result);
   conclude(s, found, param_names, result);

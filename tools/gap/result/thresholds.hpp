@@ -1,6 +1,6 @@
 #pragma once
 
-// Every threshold of `tiller gap`, with its reason; docs/evidence/gap_thresholds.md says the same in tables.
+// Every threshold of `tiller gap`, with its reason; docs/evidence/gap_thresholds.md has the rules that use them.
 
 namespace tiller::tools::gap {
 
@@ -30,6 +30,10 @@ constexpr std::size_t kPitchStarts = 4;            // peaks of a scan that are f
 constexpr std::size_t kScreenWindows = 12;         // of the working windows, evenly
 constexpr int kMostStarts = 8;                     // of an effect at a port
 constexpr double kSmallStarts[2] = {0.05, 0.002};  // of a start: further ones that stay near the nominal path
+constexpr double kFarFromPrior_sd = 2.576;  // of the model's own parameters: where the report tells it too (99.5 %)
+constexpr double kAtBound = 1e-3;           // of a parameter's range: what stands so near its end was driven there
+constexpr double kAnotherValley = 2;        // a parameter over its prior's centre, or the other way round
+constexpr int kFromCentreIterations = 3;    // of a fit from the priors' centre, which begins farther off
 constexpr double kOtherLimits[4] = {0.12, 1.6, 2.5, 8};  // further starts of limits, over the catalogue's largest
 constexpr std::size_t kPolished = 3;                     // of them, fitted again from other shapes
 constexpr double kMostStrength = 30;                     // of a strength, over what is typical of the data

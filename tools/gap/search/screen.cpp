@@ -43,6 +43,23 @@ std::vector<std::vector<double>> short_starts(const EffectAt& e, const std::vect
 
 }  // namespace
 
+std::vector<double> centre_of_own(const Session& s, const Candidate& base) {
+  std::vector<double> params = base.fit.params;
+  const std::vector<double> centre = prior_centre(s.config);
+  bool lost = false;
+  for (const FreeParam& free : base.hypothesis.free) {
+    if (free.index >= s.config.param_count) continue;
+    const double value = params[free.index], from = centre[free.index], margin = kAtBound * (free.high - free.low);
+    double slope, curvature;
+    const bool far = prior_penalty(free, value, &slope, &curvature) > kFarFromPrior_sd * kFarFromPrior_sd;
+    const bool bound = std::isfinite(margin) && (value < free.low + margin || value > free.high - margin);
+    const bool another = !(value * from > 0 && value / from > 1 / kAnotherValley && value / from < kAnotherValley);
+    lost |= (far || bound) && another;
+    params[free.index] = from;
+  }
+  return lost ? params : std::vector<double>{};
+}
+
 std::vector<std::vector<double>> starts_of(const Session& s, const EffectAt& e) {
   const EffectInfo& info = effect_info(e.kind);
   std::vector<std::vector<double>> starts = {{}};
@@ -104,6 +121,7 @@ std::vector<Candidate> screen(Session& s, const Candidate& base, std::size_t kee
   std::vector<Candidate> found;
   std::size_t done = 0;
   hints.resize(s.candidates.size());
+  const std::vector<double> centre = centre_of_own(s, base);
   for (std::size_t c = 0; c < s.candidates.size(); ++c) {
     const EffectAt e = s.candidates[c];
     s.progress("screening", static_cast<double>(done++) / static_cast<double>(s.candidates.size()));
@@ -117,6 +135,7 @@ std::vector<Candidate> screen(Session& s, const Candidate& base, std::size_t kee
     const bool all = fresh || hints[c].empty();
     fit_from(s, base.fit.params, base.fit, all ? all_starts(s, base, e) : short_starts(e, hints[c]), 1,
              all && has_pitch(effect_info(e.kind)), entry);
+    if (!centre.empty()) fit_from(s, centre, base.fit, starts_of(s, e), kFromCentreIterations, true, entry);
     if (!entry.fit.finite) continue;
     if (hints[c].empty())
       hints[c].assign(entry.fit.params.end() - effect_info(e.kind).param_count, entry.fit.params.end());

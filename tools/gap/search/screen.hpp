@@ -4,6 +4,12 @@
 
 namespace tiller::tools::gap {
 
+/// `base`'s parameters with the robot file's own at their priors' centre, where its fit drove one of them far from its
+/// prior or to a bound and to less than half or more than twice the centre; else empty. What the lack of an effect
+/// drives there (a mass to nothing, where its slope is lost) may be a valley of its own: effects are tried from the
+/// centre too.
+std::vector<double> centre_of_own(const Session& s, const Candidate& base);
+
 /// Parameters of each candidate (candidates x its own) where the first screen left it; starts of later ones.
 using Hints = std::vector<std::vector<double>>;
 

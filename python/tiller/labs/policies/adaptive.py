@@ -21,73 +21,62 @@ class AdaptiveOptions:
     state_weight: Numbers  # (nx) a period, and at the end
     input_weight: Numbers  # (nu)
     noise: Numbers  # (nx) deviation of what is measured of a state
-    offset_sd: Numbers  # (nx) of a constant change a period that the model lacks
-    memory: float = 30.0  # periods after which a transition counts 1/e
-    slope_sd: float = 0.02  # of the model's slope by states, in shares of it
-    gain_sd: float = 0.5  # of its slope by commands
+    push_sd: float = 0.1  # of a constant push on each motor, in shares of its range
+    memory: float = 30.0  # periods after which what the model lacks has faded to 1/e
+    gain_sd: float = 0.5  # of a motor's gain, in shares of the model's
     horizon: int = 40  # periods of the plan
     adapt: bool = True  # False: the model alone
 
 
-def offset_deviation(physics: Physics, target: Numbers, low: Numbers, high: Numbers) -> Numbers:
-    """(nx) A constant change a period: a tenth of what the whole range of the commands makes at the target."""
-    at = np.concatenate([target, np.clip(np.zeros(len(low)), low, high)])
-    slope = np.asarray(physics(at)[1])[:, len(target):]
-    return 0.1 * np.abs(slope) @ (high - low) + 1e-6
-
-
 class AdaptiveLqr:
-    """Model predictive control after Fu, Levine and Abbeel, IROS 2016. What the model leaves of the last transitions is
-    regressed on [x; u] and a constant. In the source's form, a covariance with a prior, noise that is measured passes
-    for slopes where the loop excites little, and an unstable plant falls. Here the noise is known and the slopes have
-    deviations of their own, so that data which cannot tell a slope from the model's leave that as it is. Cost a
-    period: O(memory (nx + nu)^2)."""
+    """Model predictive control whose model is adapted in each period, as in Fu, Levine and Abbeel, IROS 2016. What it
+    lacks is a push on each motor and a change of its gain, which a Kalman filter estimates beside the state; both fade
+    in `memory` periods and may jump by as much, so that a break is found within a few. A regression of the last
+    transitions, the source's form, mixes those from before a break with those behind it, and bends the slopes to fit
+    both. Cost a period: O((nx + 2 nu)^3)."""
 
     def __init__(self, physics: Physics, o: AdaptiveOptions) -> None:
         self._physics, self.o = jax.jit(physics), o
-        self._rows: list[tuple[Numbers, Numbers, Numbers]] = []  # z, what the model leaves, slope
-        self._last = np.clip(np.zeros(len(o.low)), o.low, o.high)
-        self._before: tuple[Numbers, Numbers] | None = None
+        self._rest = np.clip(np.zeros(len(o.low)), o.low, o.high)
+        self._last, self._lack = self._rest, np.zeros((2, len(o.low)))  # push and change of the gain, by motor
+        self._state: Numbers | None = None
+        self._covariance = np.zeros((0, 0))  # of state and lack
 
     def __call__(self, x: Numbers, _: int) -> Numbers:
         """The command of a period, after what the period before has taught."""
-        if self._before is not None:
-            self.learn(*self._before, x)
-        self._before = x.copy(), self.command(x)
-        return self._before[1]
+        if self.o.adapt:
+            self.learn(x)
+        return self.command(x)
 
-    def learn(self, x: Numbers, u: Numbers, after: Numbers) -> None:
-        z = np.concatenate([x, u])
-        expected, slope = map(np.asarray, self._physics(z))
-        self._rows.append((z, after - expected, slope))
-        del self._rows[:-int(4 * self.o.memory)]
+    def _acting(self, u: Array, lack: Array) -> Array:
+        """The command that the model needs to do as the plant under u."""
+        return u + lack[0] + lack[1] * (u - self._rest)
+
+    def learn(self, measured: Numbers) -> None:
+        """The filter's step over the last command."""
+        o, nx = self.o, len(measured)
+        sd = np.concatenate([o.push_sd * (o.high - o.low), np.full(len(o.low), o.gain_sd)])
+        if self._state is None:
+            self._state, self._covariance = measured, np.diag(np.concatenate([o.noise, sd])**2)
+            return
+        kept, z = 1 - 1 / o.memory, np.concatenate([self._state, self._acting(self._last, self._lack)])
+        after, slope = map(np.asarray, self._physics(z))
+        b = slope[:, nx:]
+        move = np.block([[slope[:, :nx], b, b * (self._last - self._rest)],
+                         [np.zeros((len(sd), nx)), kept * np.eye(len(sd))]])
+        jump = np.concatenate([np.full(nx, 1e-12), (1 - kept**2) * sd**2])
+        spread = move @ self._covariance @ move.T + np.diag(jump)
+        weight = np.linalg.solve(spread[:nx, :nx] + np.diag(o.noise**2), spread[:nx]).T
+        off = weight @ (measured - after)
+        self._state, self._lack = after + off[:nx], kept * self._lack + off[nx:].reshape(2, -1)
+        spread = spread - weight @ spread[:nx]
+        self._covariance = 0.5 * (spread + spread.T)
 
     def model(self, x: Numbers, u: Numbers) -> tuple[Numbers, Numbers]:
         """Slope (nx, nz) and offset (nx) about the present."""
-        z = np.concatenate([x, u])
-        after, slope = map(np.asarray, self._physics(z))
-        change, constant = self._left(z, slope)
-        slope, after = slope + change, after + constant
-        return slope, after - slope @ z
-
-    def _left(self, z: Numbers, slope: Numbers) -> tuple[Numbers, Numbers]:
-        """What the model lacks about z, by the last transitions: of its slope (nx, nz), and a constant (nx)."""
-        o, nx = self.o, len(slope)
-        if not o.adapt or not self._rows:
-            return np.zeros_like(slope), np.zeros(nx)
-        at, left, slopes = (np.array(rows) for rows in zip(*self._rows, strict=True))
-        kept = np.exp(-np.arange(len(at))[::-1] / o.memory)
-        row = np.hstack([at - z, np.ones((len(at), 1))])
-        change, constant = np.empty_like(slope), np.empty(nx)
-        share = np.where(np.arange(len(z)) < nx, o.slope_sd, o.gain_sd)
-        for i in range(nx):
-            # of both measurements, before and after the period
-            variance = o.noise[i]**2 + np.mean(slopes[:, i, :nx]**2, 0) @ o.noise**2 + 1e-12
-            sd = np.append(np.maximum(1e-6, share * np.abs(slope[i])), o.offset_sd[i])
-            bend = (row * kept[:, None]).T @ row / variance + np.diag(1 / sd**2)
-            found = np.linalg.solve(bend, (row * kept[:, None]).T @ left[:, i] / variance)
-            change[i], constant[i] = found[:-1], found[-1]
-        return change, constant
+        after, slope = map(np.array, self._physics(np.concatenate([x, self._acting(u, self._lack)])))
+        slope[:, len(x):] *= 1 + self._lack[1]
+        return slope, after - slope @ np.concatenate([x, u])
 
     def command(self, x: Numbers) -> Numbers:
         o, nx = self.o, len(x)
@@ -114,29 +103,27 @@ class AdaptiveLqr:
 
 class AdaptiveIlqr(AdaptiveLqr):
     """The same model over a horizon, by iLQR from the plan before: it goes far, keeps the limits, and its model may be
-    a network's. What the last transitions leave is taken for the same all along the plan."""
+    a network's. What the model lacks is taken for the same all along the plan."""
 
     def __init__(self, physics: Physics, o: AdaptiveOptions, sweeps: int = 3) -> None:
         super().__init__(physics, o)
         self._plan = np.tile(self._last, (o.horizon, 1))
         goal = Goal(o.target, o.state_weight, o.state_weight, o.input_weight, o.low, o.high)
 
-        def planned(x: Array, u: Array, about: Array, change: Array, constant: Array) -> Array:
-            def corrected(z: Array) -> tuple[Array, Array]:
-                after, slope = physics(z)
-                return after + constant + change @ (z - about), slope + change
-            states = follow(corrected, goal, x, u)
+        def planned(x: Array, u: Array, lack: Array) -> Array:
+            def adapted(z: Array) -> tuple[Array, Array]:
+                after, slope = physics(jnp.concatenate([z[:len(x)], self._acting(z[len(x):], lack)]))
+                return after, slope * jnp.concatenate([jnp.ones(len(x)), 1 + lack[1]])
+            states = follow(adapted, goal, x, u)
             motion = states, u, goal.of(states, u)
             for _ in range(sweeps):
-                motion = descend(corrected, goal, *motion)
+                motion = descend(adapted, goal, *motion)
             return motion[1]
 
         self._planned = jax.jit(planned)
 
     def command(self, x: Numbers) -> Numbers:
-        z = np.concatenate([x, self._last])
-        change, constant = self._left(z, np.asarray(self._physics(z)[1]))
         before = np.concatenate([self._plan[1:], self._plan[-1:]])
-        self._plan = np.asarray(self._planned(jnp.asarray(x), before, z, change, constant))
+        self._plan = np.asarray(self._planned(jnp.asarray(x), before, self._lack))
         self._last = self._plan[0]
         return self._last

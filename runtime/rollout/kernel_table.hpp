@@ -5,7 +5,7 @@
 #include "rollout/kernel.hpp"
 #include "rollout/model_table.hpp"
 
-namespace tiller::test {
+namespace tiller {
 
 template <template <class> class Type>
 struct KernelTable {
@@ -19,4 +19,4 @@ struct KernelTable {
   static constexpr tiller_model_t kModel = ModelTable<Type>::make(&kKernels);
 };
 
-}  // namespace tiller::test
+}  // namespace tiller
