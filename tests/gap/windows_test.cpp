@@ -74,8 +74,8 @@ TEST(Windows, AVehicleRestsWhileItsPlaceDoes) {
   tiller::Config config;
   tiller_config_default(&config, tiller_find_model("skid_steer"));
   config.period_s = 0.025;
-  config.priors[0] = {tiller_prior_fixed, 0, 0.1, 0, 0.1, 0.1};
-  config.priors[1] = {tiller_prior_fixed, 0, 0.4, 0, 0.4, 0.4};
+  const double params[] = {0.1, 0.4, 0.0};
+  for (std::uint32_t i = 0; i < 3; ++i) config.priors[i] = {tiller_prior_fixed, 0, params[i], 0, params[i], params[i]};
   config.measurement_count = 3;
   for (std::uint8_t i = 0; i < 3; ++i) {
     config.measured_state[i] = i;
