@@ -143,6 +143,60 @@ class Command(unittest.TestCase):
         self.assertEqual((run.returncode, result["verdict"]), (0, "no_gap"), run.stdout[:2000] + run.stderr)
         self.assertIsNone(result["robot_file"])
 
+    def test_what_changed_is_told_with_its_size_and_written(self):
+        worn = [write_log(self.home / f"worn_{i}.csv", simulate(200 + i, FRICTION + 0.06)) for i in range(5)]
+        out = self.home / "changed"
+        run = self.gap(self.robot, "--before", *self.rubbing, "--after", *worn, "-o", out)
+        self.assertEqual(run.returncode, 1, run.stdout + run.stderr)
+        result = self.read(out)
+        self.assertEqual((result["verdict"], result["exit_code"]), ("named", 1))
+        change = result["change"]
+        (friction,) = change["changed"]
+        self.assertEqual(friction["name"], "joint.friction_SI")
+        self.assertAlmostEqual(friction["before"], FRICTION, delta=0.005)
+        low, high = friction["interval_95"]
+        self.assertTrue(0.05 < low < 0.06 + 0.005 and 0.06 - 0.005 < high < 0.07, friction)
+        (mass,) = [c for c in change["others"] if c["name"] == "mass_kg"]
+        self.assertLess(abs(mass["change"]), 0.05 * MASS)
+        self.assertEqual(change["before"]["logs"], self.rubbing)
+        text = (out / "gap.html").read_text()
+        for said in ("What changed", "joint.friction_SI", "what changed has a name"):
+            self.assertIn(said, text)
+        for name in ("arm_before.toml", "arm_gap.toml"):
+            done = subprocess.run([TILLER, "check", str(out / name)], capture_output=True, text=True, check=False)
+            self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+        # the new file is the robot as it is: nothing is missing in it
+        self.assertEqual(self.gap(out / "arm_gap.toml", *worn).returncode, 0)
+
+    def test_what_did_not_change_is_called_unchanged(self):
+        same = [write_log(self.home / f"same_{i}.csv", simulate(300 + i, FRICTION)) for i in range(4)]
+        run = self.gap(self.robot, "--before", *self.rubbing, "--after", *same, "--json")
+        self.assertEqual(run.returncode, 0, run.stdout[:2000] + run.stderr)
+        result = json.loads(run.stdout)
+        self.assertEqual(problems(result), [])
+        self.assertEqual((result["verdict"], result["change"]["changed"]), ("no_gap", []))
+        self.assertIn("Nothing changed", result["sentence"])
+        for c in result["change"]["others"]:
+            self.assertLess(c["interval_95"][0], 0.02 * abs(c["before"]))
+            self.assertGreater(c["interval_95"][1], -0.02 * abs(c["before"]))
+
+    def test_wrong_logs_of_before_and_after_are_told(self):
+        empty = self.home / "empty_before.csv"
+        empty.write_text("")
+        other = self.home / "other_before.csv"
+        other.write_text(Path(self.free[0]).read_text().replace("torque_Nm", "current_A", 1))
+        for path, said in ((empty, "empty"), (other, "no column 'torque_Nm'"), (self.home / "none.csv", "No such file")):
+            run = self.gap(self.robot, "--before", path, "--after", self.free[0])
+            self.assertEqual(run.returncode, 3, run.stdout + run.stderr)
+            for part in ("logs of before", str(path), said):
+                self.assertIn(part, run.stdout)
+        for arguments, said in ((("--before", self.free[0]), "--after"), (("--after", self.free[0]), "--before"),
+                                (("--before", self.free[0], "--after", self.free[0]), "in --before and in --after"),
+                                ((self.free[1], "--before", self.free[0], "--after", self.free[2]), "neither")):
+            run = self.gap(self.robot, *arguments)
+            self.assertEqual(run.returncode, 4, f"{arguments}: {run.stdout}{run.stderr}")
+            self.assertIn(said, run.stderr)
+
     def test_bad_logs_end_with_3_and_never_name(self):
         rows = simulate(7, FRICTION)
         bad = {

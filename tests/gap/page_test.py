@@ -57,6 +57,25 @@ class Page(unittest.TestCase):
             self.assertEqual(len(ids), len(set(ids)))
             self.assertLess(len(text), 3_000_000)
 
+    def test_what_changed_has_a_section_of_its_own(self):
+        changed = {"name": "mass_kg", "unit": "kg", "of": "robot_file", "before": 0.5, "before_sd": 0.002, "after": 0.6,
+                   "after_sd": 0.002, "change": 0.1, "interval_95": [0.094, 0.106]}
+        new = {"name": "torque_Nm.delay_s", "unit": "s", "of": "effect", "before": None, "before_sd": None, "after": 0.02,
+               "after_sd": 0.001, "change": 0.02, "interval_95": [0.018, 0.022]}
+        other = {**changed, "name": "joint.friction_SI", "change": 0.001, "interval_95": [-0.002, 0.004]}
+        before = {"logs": ["runs/old.csv"], "hash": "fnv1a-1", "seconds": 40.0, "verdict": "named",
+                  "sentence": "It was <so>.", "sigma": 1.02, "robot_file": None}
+        for verdict, words in (("named", "what changed has a name"), ("no_gap", "nothing changed")):
+            result = gap_result(verdict)
+            result["change"] = {"before": before, "frozen_sigma": 4.2, "others": [other],
+                                "changed": [changed, new] if verdict == "named" else []}
+            result["ranking"][0]["effects"] = [{"kind": "changed_parameter", "port_kind": "parameter", "port": "mass_kg"}]
+            self.assertEqual(problems(result), [])
+            text = self.draw(result).read_text()
+            for said in (words, "What changed", "joint.friction_SI", "old.csv", "It was &lt;so&gt;."):
+                self.assertIn(said, text)
+            self.assertEqual("torque_Nm.delay_s" in text, verdict == "named")
+
     def test_what_each_verdict_tells(self):
         ambiguous = self.draw(gap_result("ambiguous")).read_text()
         for word in ("cannot be told apart", "tiller excite", "move slowly through standstill", "● coulomb friction",

@@ -22,6 +22,7 @@
 #include "tools/gap/report/outputs.hpp"
 #include "tools/gap/report/robot_writer.hpp"
 #include "tools/gap/residual/residual_writer.hpp"
+#include "tools/gap/result/thresholds.hpp"
 #include "tools/open/robot_open.hpp"
 
 namespace tiller::tools {
@@ -31,7 +32,9 @@ namespace fs = std::filesystem;
 
 struct GapOptions {
   std::string robot, folder;
-  std::string mjcf, urdf, description;  ///< to write; what they are made from
+  std::vector<std::string> before, after;  ///< logs; then find.logs are those of after
+  double budget_sigma = -1;                ///< below 0: not given
+  std::string mjcf, urdf, description;     ///< to write; what they are made from
   bool json = false;
   gap::Options find;
 };
@@ -193,17 +196,15 @@ bool add_residual(const GapOptions& options, const RobotFile& robot, const gap::
 }
 
 /// The new robot file, where something was named or a residual can be offered. False after a complaint.
-bool write_new_robot(const GapOptions& options, const RobotFile& robot, const gap::Result& result, std::string& path) {
+bool write_new_robot(const GapOptions& options, const RobotFile& robot, const std::string& old_text,
+                     const gap::Result& result, std::string& path) {
   using gap::Verdict;
   const bool rest = result.verdict == Verdict::unnamed || result.verdict == Verdict::partly;
   bool worth = false;
   if (!rest && result.verdict != Verdict::named && result.verdict != Verdict::ambiguous) return true;
-  std::string text, error;
+  std::string text = old_text, error;
   const fs::path folder = options.folder;
-  if (!read_text(robot.path, text)) error = robot.path + ": cannot be read again: " + std::strerror(errno);
-  if (error.empty() && result.verdict != Verdict::unnamed && !result.ranking.empty() &&
-      !result.ranking[0].effects.empty()) {
-    const std::string old_text = text;
+  if (result.verdict != Verdict::unnamed && !result.ranking.empty() && !result.ranking[0].effects.empty()) {
     worth = gap::write_robot(robot, old_text, result.ranking[0], result.data_hash, text, error);
   }
   const std::string posterior = (folder / (robot.name + "_gap.posterior.json")).string();
@@ -259,9 +260,10 @@ std::string wrong_description(const GapOptions& options, const RobotFile& robot)
 }
 
 /// gap.json, the new robot file and the page. The tables are printed already: what fails here loses no result.
-bool write_results(const GapOptions& options, const RobotFile& robot, const gap::Result& result, std::string& json) {
+bool write_results(const GapOptions& options, const RobotFile& robot, const std::string& old_text,
+                   const gap::Result& result, std::string& json) {
   std::string new_robot, error;
-  bool good = write_new_robot(options, robot, result, new_robot);
+  bool good = write_new_robot(options, robot, old_text, result, new_robot);
   json = gap::gap_json(robot, options.find, result, new_robot);
   const fs::path file = fs::path(options.folder) / "gap.json", page = fs::path(options.folder) / "gap.html";
   if (!replace_file(file.string(), json, error)) return complain(error), false;
@@ -279,27 +281,126 @@ bool write_results(const GapOptions& options, const RobotFile& robot, const gap:
   return good;
 }
 
+gap::Result search_logs(const RobotFile& robot, gap::Options& options, const std::string& label) {
+  StepLine line;
+  options.progress = [&](const char* step, double share) { line.show((label + step).c_str(), share); };
+  options.stop = &stop_requested;
+  return gap::find_gap(robot, options);
+}
+
+/// How the model that goes on is noted in the result of after.
+gap::BeforeTold told_of(const GapOptions& options, const gap::Result& before) {
+  gap::BeforeTold told;
+  told.logs = options.before;
+  told.hash = before.data_hash;
+  told.verdict = gap::verdict_name(before.verdict);
+  told.sentence = before.sentence;
+  told.data_s = before.data_s;
+  return told;
+}
+
+constexpr double kOtherNoise = 1.25;  // a sensor's noise over that of before: told
+
+void note_noise(const gap::Result& before, gap::Result& after) {
+  const double ratio = after.noise_ratio / before.noise_ratio;
+  if (!(ratio > kOtherNoise || ratio < 1 / kOtherNoise)) return;
+  after.notes.push_back("The sensors' noise is " + format("%.2g", ratio) + " times that of before (the worst channel " +
+                        "of each): a sensor, its cable or its mounting changed.");
+}
+
+/// The model of before, from its logs by the usual search, takes the place of `robot` and `text`; then the logs of
+/// after are asked what changed. Result::before is filled in any case; `robot` stays where there is no such model.
+gap::Result find_change(GapOptions& options, std::unique_ptr<RobotFile>& robot, std::string& text) {
+  gap::Options first = options.find;
+  first.logs = options.before;
+  first.hold_out.clear();
+  first.budget_sigma = gap::Options().budget_sigma;
+  gap::Result before = search_logs(*robot, first, "before: ");
+  gap::BeforeTold told = told_of(options, before);
+  gap::Result failed = before;
+  failed.before = told;
+  if (before.verdict == gap::Verdict::unfit) {
+    failed.sentence = "The logs of before cannot be used.";
+    return failed;
+  }
+  if (stop_requested != 0) {
+    failed.sentence = "Stopped before the logs of after were looked at. Of those of before: " + before.sentence;
+    failed.interrupted = true;
+    return failed;
+  }
+  std::string error, with;
+  if (!gap::write_robot(*robot, text, before.ranking[before.model_place], before.data_hash, with, error)) {
+    failed.verdict = gap::Verdict::unfit;
+    failed.sentence = "The model of before cannot be written as a robot file.";
+    failed.reasons = {error};
+    return failed;
+  }
+  auto made = parse_robot_file(with, robot->path, error);
+  text = with;
+  robot = std::move(made);
+  if (!options.folder.empty()) {
+    const std::string path = (fs::path(options.folder) / (robot->name + "_before.toml")).string();
+    if (replace_file(path, text, error))
+      told.robot_file = path;
+    else
+      complain(error);
+  }
+  options.find.before = &before.model;
+  gap::Result after = search_logs(*robot, options.find, "after: ");
+  options.find.before = nullptr;
+  after.before = told;
+  if (after.verdict == gap::Verdict::unfit) return after;
+  note_noise(before, after);
+  if (before.model.sigma > gap::kExplained_sigma)
+    after.notes.push_back("The model of before leaves " + format("%.2f", before.model.sigma) +
+                          " sigma on its own logs, and that is the measure here: what changed by less is not seen. " +
+                          before.sentence);
+  for (const std::string& note : before.notes) after.notes.push_back("Before: " + note);
+  after.cpu_s += before.cpu_s;
+  return after;
+}
+
+/// Empty: good.
+std::string wrong_logs(const GapOptions& options) {
+  const bool logs = !options.find.logs.empty();
+  if (options.before.empty() && options.after.empty()) return logs ? "" : "LOGS is required: the logs to compare with";
+  if (logs)
+    return options.find.logs.front() + ": is neither of --before nor of --after; with these, name no other logs";
+  if (options.before.empty()) return "--after needs what to compare with: --before LOGS";
+  if (options.after.empty()) return "--before needs what to compare with: --after LOGS";
+  std::error_code none;
+  for (const std::string& log : options.before)
+    for (const std::string& other : options.after)
+      if (log == other || fs::equivalent(log, other, none))
+        return other + ": is in --before and in --after; a log can be of one of them alone";
+  return "";
+}
+
 int gap_command(GapOptions& options) {
-  const auto robot = read_robot_or_complain(options.robot);
+  std::string error = wrong_logs(options);
+  if (!error.empty()) return complain(error), kExitGapUsage;
+  if (!options.after.empty()) options.find.logs = options.after;
+  if (options.budget_sigma >= 0)
+    options.find.budget_sigma = options.budget_sigma;
+  else if (!options.before.empty())
+    options.find.budget_sigma = 0;  // a change is told however small
+  auto robot = read_robot_or_complain(options.robot);
   if (!robot) return kExitGapUsage;
-  std::string error;
   if (!(error = wrong_description(options, *robot)).empty()) return complain(error), kExitGapUsage;
   if (!options.folder.empty() && !can_be_written(options.folder, error)) return complain(error), kExitGapUsage;
   const StopOnInterrupt on_interrupt;
-  gap::Result result;
-  {
-    StepLine line;
-    options.find.progress = [&line](const char* step, double share) { line.show(step, share); };
-    options.find.stop = &stop_requested;
-    result = gap::find_gap(*robot, options.find);
-  }
+  std::string text;
+  if (!read_text(robot->path, text))
+    return complain(robot->path + ": cannot be read again: " + std::strerror(errno)), kExitGapUsage;
+  gap::Result result =
+      options.before.empty() ? search_logs(*robot, options.find, "") : find_change(options, robot, text);
   for (const std::string& note : result.notes) std::fprintf(stderr, "note: %s\n", note.c_str());
   if (!options.json) std::fputs(gap::gap_text(*robot, result).c_str(), stdout);
   std::fflush(stdout);  // a residual may take minutes yet
   std::string json;
   bool good = true;
   if (!options.folder.empty())
-    good = write_results(options, *robot, result, json);
+    good = write_results(options, *robot, text, result, json);
   else
     json = gap::gap_json(*robot, options.find, result, "");
   if (options.json) good = std::fputs(json.c_str(), stdout) >= 0 && good;
@@ -327,10 +428,11 @@ void add_gap_command(CLI::App& app, int& exit_code) {
   gap::Options& find = options->find;
   find.threads = std::max(1u, std::thread::hardware_concurrency());
   command->add_option("ROBOT", options->robot, "robot file (.toml): model, priors, sensors, [log]")->required();
-  command
-      ->add_option("LOGS", find.logs,
-                   "logs: CSV, ROS bags, ULog, MCAP, LCM event logs, records of `tiller run --record`")
-      ->required();
+  command->add_option("LOGS", find.logs,
+                      "logs: CSV, ROS bags, ULog, MCAP, LCM event logs, records of `tiller run --record`");
+  command->add_option("--before", options->before,
+                      "logs of the robot as it was: with --after, what changed between the two is told");
+  command->add_option("--after", options->after, "logs of the robot as it is, in the place of LOGS");
   command->add_option("--hold-out", find.hold_out, "logs for the proof alone (default: a share of LOGS)");
   command->add_option("-o,--out", options->folder, "folder for gap.html, gap.json and the new robot file");
   auto* mjcf = command->add_option("--write-mjcf", options->mjcf,
@@ -339,7 +441,8 @@ void add_gap_command(CLI::App& app, int& exit_code) {
   command->add_option("--description", options->description,
                       "MJCF or URDF that the robot was imported from (default for a URDF: [sim] file)");
   command
-      ->add_option("--budget", find.budget_sigma, "gap over 1 s up to which the exit code is 0, in sigma (default 1.1)")
+      ->add_option("--budget", options->budget_sigma,
+                   "gap over 1 s up to which the exit code is 0, in sigma (default 1.1; with --before 0)")
       ->check(number_between(0, 1e6));
   command->add_option("--only", find.only, "effects to consider, separated by commas (default: all; `tiller effects`)")
       ->delimiter(',')
@@ -367,11 +470,17 @@ void add_gap_command(CLI::App& app, int& exit_code) {
       "printed); 4 wrong option, robot file or folder; 5 a result could not be written; 130 stopped by Ctrl-C, what was\n"
       "done is kept.\n"
       "\n"
+      "With --before and --after it says what changed: which parameters (a mass, a gain, a friction, a delay) have\n"
+      "another value and which effects are new, with sizes and 95 % intervals; code 0 where nothing changed, 1 where\n"
+      "the change has a name. Both need logs of the amount above; the motions need not be the same.\n"
+      "\n"
       "Examples:\n"
       "  tiller gap my_robot.toml run1.csv run2.csv run3.csv -o out/gap\n"
       "      look at out/gap/gap.html; out/gap/my_robot_gap.toml is the robot file with what was found\n"
       "  tiller gap my_robot.toml nightly/*.csv --budget 1.5 --json > gap.json || echo \"model and robot part\"\n"
       "      in CI: fails where a gap of more than 1.5 sigma opens (docs/guide/gap.md)\n"
+      "  tiller gap my_robot.toml --before normal/*.csv --after today/*.csv -o out/change\n"
+      "      what changed; out/change/my_robot_before.toml and my_robot_gap.toml are the robot then and now\n"
       "  tiller gap my_robot.toml run*.csv -o out/gap --description arm.xml --write-mjcf arm_found.xml\n"
       "      gives the friction, masses and gains that were found back to MuJoCo, with intervals as comments");
   command->callback([options, &exit_code] { exit_code = gap_command(*options); });

@@ -246,7 +246,7 @@ bool find_catalogue(const RobotFile& robot, const std::string& text, const Cours
     if (!(value < least)) continue;
     least = value;
     ground.text = with;
-    ground.origin = gap::effects_text(one.effects, *robot.model);
+    ground.origin = gap::effects_text(one.effects, robot.config);
   }
   error = found.reasons.empty() ? "no effect of the catalogue brings rollouts nearer" : join(found.reasons, "; ");
   if (ground.text.empty()) return false;

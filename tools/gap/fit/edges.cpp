@@ -19,11 +19,10 @@ std::vector<double> newton_step(const Hypothesis& h, const Fit& fit) {
   const Eigen::MatrixXd s = Eigen::Map<const Eigen::MatrixXd>(fit.information.data(), nf, nf);
   Eigen::VectorXd g = Eigen::VectorXd::Zero(nf), d(nf);
   for (std::size_t k = 0; k < fit.slopes.size(); ++k) g(static_cast<Eigen::Index>(k) % nf) += fit.slopes[k];
+  std::vector<double> slope(h.free.size()), curvature(h.free.size() * h.free.size());
+  add_prior(h, fit.params, slope.data(), curvature.data());
   for (Eigen::Index i = 0; i < nf; ++i) {
-    const FreeParam& free = h.free[static_cast<std::size_t>(i)];
-    double slope, curvature;
-    prior_penalty(free, fit.params[free.index], &slope, &curvature);
-    g(i) -= slope;
+    g(i) -= slope[static_cast<std::size_t>(i)];
     d(i) = 1 / std::sqrt(std::max(1e-300, s(i, i)));
   }
   Eigen::MatrixXd scaled = d.asDiagonal() * s * d.asDiagonal();

@@ -1,5 +1,7 @@
 #include "tools/gap/fit/hypothesis.hpp"
 
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 
@@ -50,6 +52,69 @@ void bound(std::uint32_t kind, const EffectParam& param, const tiller_config_t& 
   }
 }
 
+bool changes(const std::vector<EffectAt>& added, std::uint32_t param) {
+  return std::find(added.begin(), added.end(), EffectAt{kChangedParameter, param}) != added.end();
+}
+
+// A parameter that changed may be anything that physics allows; what the priors said of it was of before.
+void let_change(const tiller_config_t& config, double was, FreeParam& f) {
+  const bool one_sign = f.prior.kind == tiller_prior_log_normal || f.prior.kind == tiller_prior_fixed ||
+                        f.prior.low >= 0 || f.prior.high <= 0;
+  const double most = kMostStrength * f.scale;
+  f.low = one_sign && was >= 0 ? 0.0 : -most;
+  f.high = one_sign && was < 0 ? 0.0 : most;
+  std::uint32_t first = config.model->param_count;
+  if (f.index < first && one_sign && was != 0)
+    (was > 0 ? f.low : f.high) = 1e-3 * was;  // a mass of 0 is another machine
+  for (std::uint32_t e = 0; e < config.effect_count; ++e) {
+    const EffectInfo& info = effect_info(config.effects[e].kind);
+    const auto count = static_cast<std::uint32_t>(info.param_count);
+    if (f.index >= first && f.index < first + count) {
+      FreeParam hard = f;
+      bound(config.effects[e].kind, info.params[f.index - first], config, hard);
+      f.low = std::max(f.prior.kind == tiller_prior_fixed ? -most : std::min(f.low, -most), hard.low);
+      f.high = std::min(most, hard.high);
+    }
+    first += count;
+  }
+}
+
+// The logs of before on the parameters that stay: the changed ones are marginalised, for what they were says nothing of
+// what they are.
+void take_before(const ModelFit& before, const std::vector<EffectAt>& added, Hypothesis& h) {
+  const std::size_t np = before.mean.size(), nf = h.free.size();
+  std::vector<std::size_t> stay, gone;  // of the free ones
+  for (std::size_t f = 0; f < nf; ++f) {
+    const std::uint32_t i = h.free[f].index;
+    if (i >= np) continue;
+    if (!changes(added, i)) {
+      stay.push_back(f);
+    } else if (before.information[i * np + i] > 0) {
+      gone.push_back(f);
+    }
+  }
+  const auto block = [&](const std::vector<std::size_t>& rows, const std::vector<std::size_t>& columns) {
+    Eigen::MatrixXd m(static_cast<Eigen::Index>(rows.size()), static_cast<Eigen::Index>(columns.size()));
+    for (std::size_t r = 0; r < rows.size(); ++r)
+      for (std::size_t c = 0; c < columns.size(); ++c)
+        m(static_cast<Eigen::Index>(r), static_cast<Eigen::Index>(c)) =
+            before.information[h.free[rows[r]].index * np + h.free[columns[c]].index];
+    return m;
+  };
+  Eigen::MatrixXd left = block(stay, stay);
+  if (!gone.empty()) {
+    const Eigen::MatrixXd cross = block(gone, stay);
+    left -= cross.transpose() * block(gone, gone).ldlt().solve(cross);
+  }
+  h.before.assign(nf * nf, 0.0);
+  h.centre.assign(nf, 0.0);
+  for (std::size_t r = 0; r < stay.size(); ++r) {
+    h.centre[stay[r]] = before.mean[h.free[stay[r]].index];
+    for (std::size_t c = 0; c < stay.size(); ++c)
+      h.before[stay[r] * nf + stay[c]] = left(static_cast<Eigen::Index>(r), static_cast<Eigen::Index>(c));
+  }
+}
+
 }  // namespace
 
 bool make_hypothesis(const tiller_config_t& nominal, const std::vector<EffectAt>& added, const Scales* scales,
@@ -59,12 +124,23 @@ bool make_hypothesis(const tiller_config_t& nominal, const std::vector<EffectAt>
   out.added = added;
   out.free.clear();
   out.own_params = nominal.param_count;
+  out.freedom = 0;
+  out.before.clear();
+  out.centre.clear();
   for (std::uint32_t i = 0; i < nominal.param_count; ++i) {
     const tiller_prior_t& prior = nominal.priors[i];
-    if (prior.kind == tiller_prior_fixed) continue;
-    out.free.push_back({i, prior.low, prior.high, std::max(std::fabs(centre(prior)), width(prior)), prior});
+    const bool changed = changes(added, i);
+    if (prior.kind == tiller_prior_fixed && !changed) continue;
+    FreeParam f{i, prior.low, prior.high, std::max(std::fabs(centre(prior)), width(prior)), prior};
+    if (scales && scales->before) {
+      if (changed) let_change(nominal, scales->before->mean[i], f);
+      f.prior = {tiller_prior_uniform, 0, 0, 0, f.low, f.high};
+    }
+    out.free.push_back(f);
+    out.freedom += changed ? (prior.kind == tiller_prior_fixed ? 1 : 2) : 1;
   }
   for (const EffectAt& effect : added) {
+    if (effect.kind == kChangedParameter) continue;
     const EffectInfo& info = effect_info(effect.kind);
     if (out.config.effect_count >= TILLER_MAX_EFFECTS ||
         out.config.param_count + static_cast<std::uint32_t>(info.param_count) > TILLER_MAX_PARAMS)
@@ -82,8 +158,10 @@ bool make_hypothesis(const tiller_config_t& nominal, const std::vector<EffectAt>
       f.prior = {tiller_prior_uniform, 0, 0, 0, f.low, f.high};
       out.config.priors[out.config.param_count++] = f.prior;
       out.free.push_back(f);
+      ++out.freedom;
     }
   }
+  if (scales && scales->before) take_before(*scales->before, added, out);
   out.sensors = has_sensor_effects(out.config);
   out.follows = false;
   for (std::uint32_t e = 0; e < out.config.effect_count; ++e) {
@@ -117,15 +195,55 @@ double prior_penalty(const FreeParam& param, double value, double* slope, double
   return 0;
 }
 
-std::string effect_text(const EffectAt& effect, const tiller_model_t& model) {
-  const EffectInfo& info = effect_info(effect.kind);
-  return std::string(info.name) + " (" + port_name(info.port, model, effect.port) + ")";
+void add_prior(const Hypothesis& h, const std::vector<double>& params, double* slope, double* curvature) {
+  const std::size_t nf = h.free.size();
+  for (std::size_t i = 0; i < nf; ++i) {
+    double own_slope, own_curvature;
+    prior_penalty(h.free[i], params[h.free[i].index], &own_slope, &own_curvature);
+    slope[i] += own_slope;
+    curvature[i * nf + i] += own_curvature;
+    for (std::size_t j = 0; !h.before.empty() && j < nf; ++j) {
+      slope[i] += h.before[i * nf + j] * (params[h.free[j].index] - h.centre[j]);
+      curvature[i * nf + j] += h.before[i * nf + j];
+    }
+  }
 }
 
-std::string effects_text(const std::vector<EffectAt>& effects, const tiller_model_t& model) {
+double penalty_of(const Hypothesis& h, const double* params, std::size_t stride) {
+  double sum = 0, slope, curvature;
+  for (const FreeParam& f : h.free) sum += prior_penalty(f, params[f.index * stride], &slope, &curvature);
+  const std::size_t nf = h.free.size();
+  for (std::size_t i = 0; !h.before.empty() && i < nf; ++i)
+    for (std::size_t j = 0; j < nf; ++j)
+      sum += (params[h.free[i].index * stride] - h.centre[i]) * h.before[i * nf + j] *
+             (params[h.free[j].index * stride] - h.centre[j]);
+  return sum;
+}
+
+std::string param_name(const tiller_config_t& config, std::uint32_t param) {
+  std::uint32_t first = config.model->param_count;
+  if (param < first) return config.model->param_names[param];
+  for (std::uint32_t e = 0; e < config.effect_count; ++e) {
+    const EffectInfo& info = effect_info(config.effects[e].kind);
+    const auto count = static_cast<std::uint32_t>(info.param_count);
+    if (param < first + count)
+      return std::string(port_name(info.port, *config.model, config.effects[e].port)) + "." +
+             info.params[param - first].name;
+    first += count;
+  }
+  return "parameter";
+}
+
+std::string effect_text(const EffectAt& effect, const tiller_config_t& config) {
+  if (effect.kind == kChangedParameter) return param_name(config, effect.port) + " changed";
+  const EffectInfo& info = effect_info(effect.kind);
+  return std::string(info.name) + " (" + port_name(info.port, *config.model, effect.port) + ")";
+}
+
+std::string effects_text(const std::vector<EffectAt>& effects, const tiller_config_t& config) {
   if (effects.empty()) return "nothing";
   std::string text;
-  for (const EffectAt& e : effects) text += (text.empty() ? "" : " + ") + effect_text(e, model);
+  for (const EffectAt& e : effects) text += (text.empty() ? "" : " + ") + effect_text(e, config);
   return text;
 }
 

@@ -27,6 +27,9 @@ struct Hypothesis {
   bool sensors = false;          ///< an effect changes what is measured
   bool follows = false;          ///< an effect has states that follow the motion
   std::uint32_t own_params = 0;  ///< parameters of the robot file's own model and effects
+  std::size_t freedom = 0;       ///< free parameters; a changed one counts twice, for it was free before
+  std::vector<double> before;    ///< (free x free) of half the cost: what logs of before say; empty without
+  std::vector<double> centre;    ///< (free) where that is least
 };
 
 /// False where the effects do not fit into the runtime's limits or the model's ports.
@@ -40,8 +43,17 @@ std::vector<double> prior_centre(const tiller_config_t& config);
 /// of it.
 double prior_penalty(const FreeParam& param, double value, double* slope, double* curvature);
 
-/// "coulomb_friction (joint)"
-std::string effect_text(const EffectAt& effect, const tiller_model_t& model);
-std::string effects_text(const std::vector<EffectAt>& effects, const tiller_model_t& model);
+/// What priors and logs of before add to half the cost's slope (free) and second derivative (free x free) at params.
+void add_prior(const Hypothesis& hypothesis, const std::vector<double>& params, double* slope, double* curvature);
+
+/// Twice what they add to half the cost; params (np) with a stride.
+double penalty_of(const Hypothesis& hypothesis, const double* params, std::size_t stride);
+
+/// As the robot file calls it: "mass_kg", "joint.friction_SI".
+std::string param_name(const tiller_config_t& config, std::uint32_t param);
+
+/// "coulomb_friction (joint)", "mass_kg changed"
+std::string effect_text(const EffectAt& effect, const tiller_config_t& config);
+std::string effects_text(const std::vector<EffectAt>& effects, const tiller_config_t& config);
 
 }  // namespace tiller::tools::gap

@@ -60,11 +60,11 @@ std::vector<UntoldDirection> untold_directions(const Hypothesis& h, const Fit& f
   if (nf == 0 || fit.information.size() != static_cast<std::size_t>(nf * nf)) return {};
   Eigen::MatrixXd data = Eigen::Map<const Eigen::MatrixXd>(fit.information.data(), nf, nf);
   Eigen::VectorXd units(nf);
+  std::vector<double> slope(h.free.size()), curvature(h.free.size() * h.free.size());
+  add_prior(h, fit.params, slope.data(), curvature.data());
+  data -= Eigen::Map<const Eigen::MatrixXd>(curvature.data(), nf, nf);
   for (Eigen::Index i = 0; i < nf; ++i) {
     const FreeParam& free = h.free[static_cast<std::size_t>(i)];
-    double slope, curvature;
-    prior_penalty(free, fit.params[free.index], &slope, &curvature);
-    data(i, i) -= curvature;
     units(i) = unit(free, fit.params[free.index], names[free.index]);
   }
   data = units.asDiagonal() * data * units.asDiagonal();

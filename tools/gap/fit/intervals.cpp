@@ -15,10 +15,14 @@ std::size_t windows_of(const Hypothesis& h, const Fit& fit) {
 }  // namespace
 
 std::vector<double> deviations(const Hypothesis& h, const Fit& fit, double dispersion) {
+  const Eigen::VectorXd sd = covariance(h, fit, dispersion).diagonal().cwiseSqrt();
+  return {sd.data(), sd.data() + sd.size()};
+}
+
+Eigen::MatrixXd covariance(const Hypothesis& h, const Fit& fit, double dispersion) {
   const auto nf = static_cast<Eigen::Index>(h.free.size());
   const std::size_t n = windows_of(h, fit);
-  std::vector<double> sd(h.free.size(), 0.0);
-  if (fit.information.size() != static_cast<std::size_t>(nf * nf) || nf == 0) return sd;
+  if (fit.information.size() != static_cast<std::size_t>(nf * nf) || nf == 0) return Eigen::MatrixXd::Zero(nf, nf);
   Eigen::MatrixXd s = Eigen::Map<const Eigen::MatrixXd>(fit.information.data(), nf, nf);
   Eigen::VectorXd d(nf);
   for (Eigen::Index i = 0; i < nf; ++i) d(i) = 1 / std::sqrt(std::max(1e-300, s(i, i)));
@@ -30,17 +34,18 @@ std::vector<double> deviations(const Hypothesis& h, const Fit& fit, double dispe
       fit.slopes.data(), static_cast<Eigen::Index>(n), nf);
   const double few = static_cast<double>(n) / std::max(1.0, static_cast<double>(n) - static_cast<double>(nf));
   Eigen::MatrixXd meat = few * slopes.transpose() * slopes;
-  for (Eigen::Index i = 0; i < nf; ++i) {
-    const FreeParam& free = h.free[static_cast<std::size_t>(i)];
-    double slope, curvature;
-    prior_penalty(free, fit.params[free.index], &slope, &curvature);
-    meat(i, i) += curvature;
-  }
+  std::vector<double> slope(h.free.size()), curvature(h.free.size() * h.free.size());
+  add_prior(h, fit.params, slope.data(), curvature.data());
+  meat += Eigen::Map<const Eigen::MatrixXd>(curvature.data(), nf, nf);
   meat = d.asDiagonal() * meat * d.asDiagonal();
   const Eigen::MatrixXd sandwich = inverse * meat * inverse;
-  for (Eigen::Index i = 0; i < nf; ++i)
-    sd[static_cast<std::size_t>(i)] = std::sqrt(std::max({0.0, inverse(i, i) * dispersion, sandwich(i, i)})) * d(i);
-  return sd;
+  Eigen::VectorXd wider(nf);  // than Gauss and Newton's
+  for (Eigen::Index i = 0; i < nf; ++i) {
+    const double gauss = std::max(1e-300, inverse(i, i)),
+                 sd = std::max({0.0, inverse(i, i) * dispersion, sandwich(i, i)});
+    wider(i) = std::sqrt(sd / gauss) * d(i);
+  }
+  return wider.asDiagonal() * inverse * wider.asDiagonal();
 }
 
 double widest_sd(const FreeParam& param, double mean) {

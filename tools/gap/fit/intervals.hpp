@@ -2,6 +2,8 @@
 
 #include <vector>
 
+#include <Eigen/Core>
+
 #include "tools/gap/fit/shooting.hpp"
 
 namespace tiller::tools::gap {
@@ -13,6 +15,9 @@ namespace tiller::tools::gap {
 ///     1982, Maximum likelihood estimation of misspecified models; n / (n - d) for the d parameters that were fitted):
 ///     right where residuals are correlated within windows or larger in some than in others.
 std::vector<double> deviations(const Hypothesis& hypothesis, const Fit& fit, double dispersion);
+
+/// The covariance of the free parameters behind them: Gauss-Newton's, scaled to these deviations.
+Eigen::MatrixXd covariance(const Hypothesis& hypothesis, const Fit& fit, double dispersion);
 
 /// Standard deviation that a parameter's prior and bounds allow: data that say little widen neither.
 double widest_sd(const FreeParam& param, double mean);

@@ -77,6 +77,7 @@ double positive(double v, double otherwise) { return std::isfinite(v) && v > 0 ?
 }  // namespace
 
 std::uint32_t joint_of(const tiller_model_t& model, std::uint32_t kind, std::uint32_t port) {
+  if (kind == kChangedParameter) return model.joint_count;
   const PortKind at = effect_info(kind).port;
   if (at == PortKind::joint) return port;
   for (std::uint32_t j = 0; j < model.joint_count; ++j) {

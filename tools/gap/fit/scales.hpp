@@ -4,6 +4,7 @@
 
 #include "effects/effect_info.hpp"
 #include "tools/gap/fit/windows.hpp"
+#include "tools/gap/result/result.hpp"
 
 namespace tiller::tools::gap {
 
@@ -21,6 +22,7 @@ struct Scales {
   double channel[TILLER_MAX_STATES];  ///< root mean square of a state about its mean
   double mass = 1;
   double period_s = 0.01;
+  const ModelFit* before = nullptr;  ///< in the place of the priors, where it is asked what changed since
 };
 
 /// `params` (np): at which inertias are evaluated.

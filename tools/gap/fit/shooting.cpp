@@ -124,11 +124,8 @@ void Shooting::fit(const Hypothesis& h, const std::vector<std::size_t>& which, c
       for (std::uint32_t j = 0; j < nf; ++j) fit.information[i * nf + j] += s(i, j);
     }
   }
-  for (std::uint32_t i = 0; i < nf; ++i) {
-    double slope, curvature;
-    prior_penalty(h.free[i], fit.params[h.free[i].index], &slope, &curvature);
-    fit.information[i * nf + i] += curvature;
-  }
+  std::vector<double> slope(nf);
+  add_prior(h, fit.params, slope.data(), fit.information.data());
 }
 
 void Shooting::prepare_whitening(const Hypothesis& nominal, const Fit& fit) {

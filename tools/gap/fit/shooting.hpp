@@ -92,7 +92,6 @@ class Shooting {
   /// work(scratch, n) for n = 0 .. count - 1, each with the memory of the thread that it falls to.
   template <class Work>
   void share(std::size_t count, const Work& work);
-  static double penalty_of(const Hypothesis& h, const double* params, std::size_t stride);
   void linearise(const Hypothesis& h, const std::vector<std::size_t>& which, const Fit& fit, bool params);
   void differentiate(Scratch& scratch, const Hypothesis& h, std::size_t index, const Fit& fit, bool params);
   double try_steps(const Hypothesis& h, const std::vector<std::size_t>& which, const std::vector<double>& step,

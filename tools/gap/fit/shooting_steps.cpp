@@ -15,12 +15,6 @@ constexpr double kStateShare[4] = {1, 0.4, 0.1, 0};
 
 }  // namespace
 
-double Shooting::penalty_of(const Hypothesis& h, const double* params, std::size_t stride) {
-  double sum = 0, slope, curvature;
-  for (const FreeParam& f : h.free) sum += prior_penalty(f, params[f.index * stride], &slope, &curvature);
-  return sum;
-}
-
 // Whitened y - rollout of every lane, after states and params were filled.
 const double* Shooting::residual_lanes(Scratch& scratch, std::size_t index) {
   const Window& w = windows_[index];
@@ -130,11 +124,11 @@ bool Shooting::solve(const Hypothesis& h, const std::vector<std::size_t>& which,
     s += gram.block(nx_, nx_, nf, nf) + gram.block(nx_, 0, nf, nx_) * e.second;
     g += gram.block(nx_, nx_ + nf, nf, 1) - gram.block(nx_, 0, nf, nx_) * e.first;
   }
+  std::vector<double> slope(nf), curvature(std::size_t{nf} * nf);
+  add_prior(h, fit.params, slope.data(), curvature.data());
   for (std::uint32_t i = 0; i < nf; ++i) {
-    double slope, curvature;
-    prior_penalty(h.free[i], fit.params[h.free[i].index], &slope, &curvature);
-    s(i, i) += curvature;
-    g(i) -= slope;
+    g(i) -= slope[i];
+    for (std::uint32_t j = 0; j < nf; ++j) s(i, j) += curvature[i * nf + j];
   }
   ParamVector size(nf), fixed = ParamVector::Zero(nf);
   for (std::uint32_t i = 0; i < nf; ++i) {

@@ -10,6 +10,7 @@
 #include "tools/gap/fit/identifiability.hpp"
 #include "tools/gap/fit/rollout_error.hpp"
 #include "tools/gap/localise/localise.hpp"
+#include "tools/gap/pipeline/change.hpp"
 #include "tools/gap/pipeline/data.hpp"
 #include "tools/gap/pipeline/data_quality.hpp"
 #include "tools/gap/pipeline/engine.hpp"
@@ -44,6 +45,7 @@ std::vector<EffectAt> candidates_of(const tiller_config_t& config, const Options
                                     const std::vector<bool>& moves) {
   if (!options.given.empty()) return options.given;
   std::vector<EffectAt> list;
+  if (options.before) list = changeable_parameters(config);
   for (std::uint32_t kind = 0; kind < effect_kind_count(); ++kind) {
     const EffectInfo& info = effect_info(kind);
     if (info.unnamed) continue;  // what is offered when nothing has a name
@@ -96,12 +98,38 @@ void try_inputs_at_rows(Session& s, const Candidate& nominal, Result& result) {
                          "forces do: [log] input = \"mean\".");
 }
 
+// Errors count in what the model of before leaves on its own logs: noise, and what is not known of the robot anyway.
+Config in_units_of_before(const tiller_config_t& config, double sigma) {
+  Config c = config;
+  for (std::uint32_t k = 0; k < c.measurement_count; ++k) c.measurement_sd[k] *= sigma;
+  for (std::uint32_t i = 0; i < c.model->state_count; ++i) c.process_sd[i] *= sigma;
+  return c;
+}
+
+ModelFit in_units_of_before(ModelFit fit) {
+  for (double& v : fit.information) v /= fit.sigma * fit.sigma;
+  return fit;
+}
+
+// What was proven is in the model that a robot goes on with; the rest is not.
+void keep_model(const Session& s, const SearchResult& found, Result& result) {
+  const bool proven =
+      result.verdict == Verdict::named || result.verdict == Verdict::ambiguous || result.verdict == Verdict::partly;
+  const std::size_t entry = proven ? found.best : 0;
+  for (std::size_t i = 0; !proven && i < result.ranking.size(); ++i)
+    if (result.ranking[i].effects.empty()) result.model_place = i;
+  result.model = model_fit(found.entries[entry], s.dispersion, result.ranking[result.model_place].remaining_sigma);
+}
+
 }  // namespace
 
-Result find_gap_on(const tiller_config_t& config, const std::vector<std::string>& param_names, std::vector<Grid> work,
+Result find_gap_on(const tiller_config_t& as_told, const std::vector<std::string>& param_names, std::vector<Grid> work,
                    std::vector<Grid> hold_out, const Options& options) {
   const double start_s = cpu_now_s();
   Result result;
+  result.before_sigma = options.before ? options.before->sigma : 1.0;
+  const Config config = in_units_of_before(as_told, result.before_sigma);
+  const ModelFit before = options.before ? in_units_of_before(*options.before) : ModelFit{};
   const std::size_t own = work.size(), all = own + hold_out.size();
   for (Grid& grid : hold_out) work.push_back(std::move(grid));
   const double scale = measure_time_scale(config, work);
@@ -118,7 +146,7 @@ Result find_gap_on(const tiller_config_t& config, const std::vector<std::string>
     s.windows.push_back(w);
   }
   index_windows(s);
-  check_data_quality(config, s.data.grids, result);
+  check_data_quality(as_told, s.data.grids, result);
   if (!result.reasons.empty()) return result;
   result.fit_windows = result.decide_windows = s.work.size();
   result.test_windows = s.test.size();
@@ -137,6 +165,7 @@ Result find_gap_on(const tiller_config_t& config, const std::vector<std::string>
     return result;
   }
   s.scales = measure_scales(s.data, s.windows, config, prior_centre(config).data());
+  if (options.before) s.scales.before = &before;
   s.candidates = candidates_of(config, options, inputs_that_move(config, s.data.grids));
   s.threads = std::make_unique<ThreadPool>(std::max(1u, options.threads));
   s.shooting = std::make_unique<Shooting>(s.data, s.windows, config, s.scales, s.threads.get());
@@ -148,20 +177,30 @@ Result find_gap_on(const tiller_config_t& config, const std::vector<std::string>
   FitSettings last;
   last.information = true;
   s.shooting->fit(found.entries[0].hypothesis, s.work, last, found.entries[0].fit);
-  for (const UntoldDirection& d : untold_directions(found.entries[0].hypothesis, found.entries[0].fit, param_names))
-    result.notes.push_back(untold_text(found.entries[0].hypothesis, d, param_names));
+  if (!options.before)
+    for (const UntoldDirection& d : untold_directions(found.entries[0].hypothesis, found.entries[0].fit, param_names))
+      result.notes.push_back(untold_text(found.entries[0].hypothesis, d, param_names));
   for (std::size_t i = 1; i < found.entries.size(); ++i)
     if (i == found.best || i == found.leading ||
         std::find(found.ambiguity.begin(), found.ambiguity.end(), i) != found.ambiguity.end())
       s.shooting->fit(found.entries[i].hypothesis, s.work, last, found.entries[i].fit);
   result.interrupted = found.interrupted;
+  Candidate frozen;
+  if (options.before) {
+    frozen = frozen_model(s, found.entries[0]);
+    result.frozen_sigma = s.sigma(frozen.fit.cost, s.work);
+  }
+  const Candidate& reference = options.before ? frozen : found.entries[0];
   s.progress("localising", 0);
   // by parameters that stand far from their priors a force would be told in units of their mistake
   const std::size_t by = centre_of_own(s, found.entries[0]).empty() ? 0 : found.best;
-  if (!s.stopped()) localise(config, s.data.grids, found.entries[by].fit.params.data(), options.seed, result);
+  const Candidate& shown = options.before ? frozen : found.entries[by];
+  if (!s.stopped()) localise(config, s.data.grids, shown.fit.params.data(), options.seed, result);
   s.progress("proof", 0);
-  test_on_holdout(s, found, result);
+  test_on_holdout(s, reference, found.entries[found.best], result);
+  if (options.before) tell_changes(s, found, result);
   conclude(s, found, param_names, result);
+  keep_model(s, found, result);
   try_inputs_at_rows(s, found.entries[0], result);
   if (result.interrupted) result.sentence = "Stopped before the search came to its end. So far: " + result.sentence;
   s.progress("done", 1);

@@ -91,8 +91,7 @@ constexpr std::size_t kOverlays = 4;
 
 }  // namespace
 
-void test_on_holdout(Session& s, const SearchResult& found, Result& result) {
-  const Candidate &nominal = found.entries[0], &best = found.entries[found.best];
+void test_on_holdout(Session& s, const Candidate& nominal, const Candidate& best, Result& result) {
   for (const double seconds : {kShortestHoldout_s, kHoldout_s, kLongestHoldout_s}) {
     const std::vector<Window> windows = test_windows(s, seconds);
     if (windows.empty() || s.stopped()) continue;

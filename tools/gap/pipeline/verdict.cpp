@@ -9,6 +9,7 @@
 #include "tools/base/text.hpp"
 #include "tools/gap/fit/edges.hpp"
 #include "tools/gap/fit/intervals.hpp"
+#include "tools/gap/pipeline/change.hpp"
 #include "tools/gap/result/thresholds.hpp"
 #include "tools/gap/search/equivalent_forms.hpp"
 #include "tools/robot/units.hpp"
@@ -22,7 +23,7 @@ bool names(const char* const (&list)[4], const char* name) {
 
 bool alias(const EffectAt& a, const EffectAt& b) {
   if (a == b) return true;
-  const EffectInfo &x = effect_info(a.kind), &y = effect_info(b.kind);
+  const EffectInfo &x = info_of(a.kind), &y = info_of(b.kind);
   return names(x.aliases, y.name) || names(y.aliases, x.name);
 }
 
@@ -35,12 +36,15 @@ std::vector<Estimate> estimates(const Session& s, const Candidate& e, const Cand
     Estimate p;
     p.name = i < param_names.size() ? param_names[i] : "parameter";
     p.unit = units[i];
-    p.fixed = s.config.priors[i].kind == tiller_prior_fixed;
-    p.before = nominal.fit.params[i];
+    const bool changed =
+        std::find(e.effects().begin(), e.effects().end(), EffectAt{kChangedParameter, i}) != e.effects().end();
+    p.fixed = s.config.priors[i].kind == tiller_prior_fixed && !changed;
+    p.before = s.options.before ? s.options.before->mean[i] : nominal.fit.params[i];
+    p.before_sd = s.options.before ? s.options.before->sd[i] : 0;
     list.push_back(p);
   }
   for (const EffectAt& effect : e.effects()) {
-    const EffectInfo& info = effect_info(effect.kind);
+    const EffectInfo& info = info_of(effect.kind);
     for (int i = 0; i < info.param_count; ++i) {
       Estimate p;
       p.name = std::string(port_name(info.port, *s.config.model, effect.port)) + "." + info.params[i].name;
@@ -61,6 +65,7 @@ std::vector<Estimate> estimates(const Session& s, const Candidate& e, const Cand
     p.sd = std::min(sd[f], widest_sd(free, p.mean));
     p.low = std::max(free.low, p.mean - reach * p.sd);
     p.high = std::min(free.high, p.mean + reach * p.sd);
+    if (s.options.before) continue;  // the free ones need not be the same
     if (f < before.size()) p.before_sd = std::min(before[f], widest_sd(free, p.before));
     if (f < edges.size()) p.edge = edges[f];
     // an effect that does what the parameter may not leaves it where it was
@@ -74,11 +79,11 @@ std::string separations(const Session& s, const std::vector<const Candidate*>& s
   std::vector<std::string> texts;
   for (const Candidate* e : set)
     for (const EffectAt& effect : e->effects()) {
-      const char* text = effect_info(effect.kind).separation;
+      const char* text = info_of(effect.kind).separation;
       if (text && std::find(texts.begin(), texts.end(), text) == texts.end()) texts.push_back(text);
     }
   if (!texts.empty()) return join(texts, "; ");
-  return "record motions in which " + effects_text(set.front()->effects(), *s.config.model) +
+  return "record motions in which " + effects_text(set.front()->effects(), s.config) +
          " and its rivals differ: slow and fast, small and large, with reversals (tiller excite proposes them)";
 }
 
@@ -163,8 +168,8 @@ struct Answer {
   double left = 0;                    // normalised RMS error that the best explanation leaves
 
   const Candidate& best() const { return found.entries[found.best]; }
-  bool within_budget() const { return result.nominal_sigma <= s.options.budget_sigma; }
-  std::string text(const Candidate& e) const { return effects_text(e.effects(), *s.config.model); }
+  bool within_budget() const { return result.nominal_sigma <= s.budget_sigma(); }
+  std::string text(const Candidate& e) const { return effects_text(e.effects(), s.config); }
   std::string sigmas() const { return format("%.2f", result.nominal_sigma) + " sigma"; }
   std::string length() const { return format("%.3g s", kWindow_s * s.time_scale); }
   std::string from_to() const {
@@ -184,8 +189,12 @@ Answer answer_of(Session& s, const SearchResult& found, const Result& result) {
   for (const std::size_t i : found.ambiguity) {
     const Candidate& e = found.entries[i];
     a.set.push_back(&e);
-    a.one_answer = a.one_answer && (i == found.best || (same_by_structure(a.best().effects(), e.effects()) &&
-                                                        difference_sigma(s, a.best(), e) < kEquivalent_sigma));
+    const auto same = [&] {
+      return same_by_structure(a.best().effects(), e.effects()) ||
+             (s.options.before && same_quantities(s.config, a.best().effects(), e.effects()));
+    };
+    a.one_answer =
+        a.one_answer && (i == found.best || (same() && difference_sigma(s, a.best(), e) < kEquivalent_sigma));
   }
   return a;
 }
@@ -228,7 +237,7 @@ void say_off_prior(const Answer& a, const Words& off, Result& result) {
   for (std::size_t i = 1; i < result.ranking.size() && same.size() < 3; ++i) {
     const Explanation& x = result.ranking[i];
     if (x.effects.size() == 1 && x.remaining_sigma < kSameSigma * result.nominal_sigma)
-      same.push_back(effects_text(x.effects, *a.s.config.model));
+      same.push_back(effects_text(x.effects, a.s.config));
   }
   result.sentence = "The model fits (" + a.sigmas() + ") with " + join(off, "; ") +
                     ". Either that prior is wrong, or something acts as the parameter does" +
@@ -286,7 +295,7 @@ void say_nothing_found(const Answer& a, Result& result) {
                     " and no known effect makes them better" + (result.leading != 0 ? " to a proven degree." : ".");
   if (result.leading == 0) return;
   const Explanation& x = result.ranking[result.leading];
-  result.notes.push_back(effects_text(x.effects, *a.s.config.model) + " is ahead by " + format("%.0f", x.gain_nats) +
+  result.notes.push_back(effects_text(x.effects, a.s.config) + " is ahead by " + format("%.0f", x.gain_nats) +
                          " nats at z = " + format("%.1f", x.z) + ", too little to be named; about " +
                          format("%.2g", a.found.more_s) + " s more of such data would tell.");
 }
@@ -302,7 +311,7 @@ const HorizonGap* worse_horizon(const Result& result) {
 void say_within_budget(const Answer& a, const std::string& why, Result& result) {
   result.verdict = Verdict::no_gap;
   result.ambiguity.clear();
-  result.sentence = "Model and measurement agree within the budget of " + format("%.3g", a.s.options.budget_sigma) +
+  result.sentence = "Model and measurement agree within the budget of " + format("%.3g", a.s.budget_sigma()) +
                     " sigma: rollouts of " + a.length() + " leave " + a.sigmas() + ".";
   result.notes.push_back(a.text(a.best()) + " (" + a.values() + ") makes them better, to " + format("%.2f", a.left) +
                          " sigma, but " + why + ": it is not named.");
@@ -345,6 +354,20 @@ void say_named(const Answer& a, Result& result) {
     result.notes.push_back("Beside it: " + join(off, "; ") + ". Is that prior right?");
 }
 
+void decide(const Answer& answer, Result& result) {
+  const Session& s = answer.s;
+  const SearchResult& found = answer.found;
+  if (found.best == 0) return say_nothing_found(answer, result);
+  if (!found.beside.empty()) {
+    Words sets;
+    for (const std::vector<EffectAt>& set : found.beside) sets.push_back(effects_text(set, s.config));
+    result.notes.push_back("Something small acts beside it that the data do not tell: " + join(sets, "; or ") + ".");
+  }
+  if (const HorizonGap* worse = worse_horizon(result)) return say_refuted(answer, *worse, result);
+  if (answer.left > kExplained_sigma || name_count(answer.best().effects()) > 2) return say_nearest(answer, result);
+  say_named(answer, result);
+}
+
 }  // namespace
 
 void conclude(Session& s, const SearchResult& found, const std::vector<std::string>& param_names, Result& result) {
@@ -355,15 +378,8 @@ void conclude(Session& s, const SearchResult& found, const std::vector<std::stri
   const Answer answer = answer_of(s, found, result);
   if (answer.set.size() > 1) result.separation = separations(s, answer.set);
 
-  if (found.best == 0) return say_nothing_found(answer, result);
-  if (!found.beside.empty()) {
-    Words sets;
-    for (const std::vector<EffectAt>& set : found.beside) sets.push_back(effects_text(set, *s.config.model));
-    result.notes.push_back("Something small acts beside it that the data do not tell: " + join(sets, "; or ") + ".");
-  }
-  if (const HorizonGap* worse = worse_horizon(result)) return say_refuted(answer, *worse, result);
-  if (answer.left > kExplained_sigma || name_count(best.effects()) > 2) return say_nearest(answer, result);
-  say_named(answer, result);
+  decide(answer, result);
+  if (s.options.before) result.sentence = change_sentence(s, result);
 }
 
 }  // namespace tiller::tools::gap

@@ -3,6 +3,7 @@
 
 #include "effects/effect_info.hpp"
 #include "tools/base/json_number.hpp"
+#include "tools/gap/fit/hypothesis.hpp"
 #include "tools/gap/report/outputs.hpp"
 #include "tools/robot/units.hpp"
 
@@ -68,8 +69,13 @@ json region_json(const Region& region, const tiller_model_t& model) {
           {"z", number(region.z)}};
 }
 
-json effect_json(const EffectAt& effect, const tiller_model_t& model) {
-  const EffectInfo& info = effect_info(effect.kind);
+json effect_json(const EffectAt& effect, const RobotFile& robot) {
+  if (effect.kind == kChangedParameter)
+    return {{"kind", info_of(effect.kind).name},
+            {"port_kind", "parameter"},
+            {"port", param_name(robot.config, effect.port)}};
+  const tiller_model_t& model = *robot.model;
+  const EffectInfo& info = info_of(effect.kind);
   return {{"kind", info.name},
           {"port_kind", port_kind_name(info.port)},
           {"port", port_name(info.port, model, effect.port)}};
@@ -90,7 +96,7 @@ json estimate_json(const Estimate& e, bool own) {
 
 json explanation_json(const Explanation& x, const RobotFile& robot) {
   json effects = json::array(), params = json::array();
-  for (const EffectAt& effect : x.effects) effects.push_back(effect_json(effect, *robot.model));
+  for (const EffectAt& effect : x.effects) effects.push_back(effect_json(effect, robot));
   for (std::size_t i = 0; i < x.params.size(); ++i)
     params.push_back(estimate_json(x.params[i], i < robot.config.param_count));
   return {{"effects", effects},
@@ -110,7 +116,7 @@ json catalogue_json(const Result& result) {
   const auto text = [](const char* t) { return t ? json(t) : json(nullptr); };
   for (const Explanation& x : result.ranking)
     for (const EffectAt& effect : x.effects) {
-      const EffectInfo& info = effect_info(effect.kind);
+      const EffectInfo& info = info_of(effect.kind);
       json aliases = json::array();
       for (const char* alias : info.aliases)
         if (alias) aliases.push_back(alias);
@@ -121,6 +127,38 @@ json catalogue_json(const Result& result) {
                           {"separation", text(info.separation)}};
     }
   return kinds;
+}
+
+json change_json(const Change& c) {
+  return {{"name", c.name},
+          {"unit", c.unit},
+          {"of", c.effect ? "effect" : "robot_file"},
+          {"before", number(c.before)},
+          {"before_sd", number(c.before_sd)},
+          {"after", number(c.after)},
+          {"after_sd", number(c.after_sd)},
+          {"change", number(c.change)},
+          {"interval_95", {number(c.low), number(c.high)}}};
+}
+
+// Null where it is not asked what changed.
+json changes_json(const Result& result) {
+  const BeforeTold& b = result.before;
+  if (b.logs.empty()) return nullptr;
+  json changed = json::array(), others = json::array();
+  for (const Change& c : result.changes) changed.push_back(change_json(c));
+  for (const Change& c : result.others) others.push_back(change_json(c));
+  return {{"before",
+           {{"logs", b.logs},
+            {"hash", b.hash},
+            {"seconds", number(b.data_s)},
+            {"verdict", b.verdict},
+            {"sentence", b.sentence},
+            {"sigma", number(result.before_sigma)},
+            {"robot_file", b.robot_file.empty() ? json(nullptr) : json(b.robot_file)}}},
+          {"frozen_sigma", number(result.frozen_sigma)},
+          {"changed", changed},
+          {"others", others}};
 }
 
 json channels_json(const RobotFile& robot) {
@@ -162,7 +200,8 @@ json overlays_json(const Result& result) {
 int exit_code_of(const Result& result, double budget_sigma) {
   if (result.verdict == Verdict::unfit) return 3;
   // a parameter off its prior is told whatever the gap: the model fits by it
-  if (result.verdict != Verdict::off_prior && result.nominal_sigma <= budget_sigma) return 0;
+  const double gap_sigma = result.before.logs.empty() ? result.nominal_sigma : result.frozen_sigma;
+  if (result.verdict != Verdict::off_prior && gap_sigma <= budget_sigma) return 0;
   switch (result.verdict) {
     case Verdict::no_gap: return 0;
     case Verdict::named: return 1;
@@ -217,6 +256,7 @@ std::string gap_json(const RobotFile& robot, const Options& options, const Resul
                     {"leading", result.leading == 0 ? json(nullptr) : json(result.leading)},
                     {"more_s", number(result.more_s)},
                     {"separation", result.separation},
+                    {"change", changes_json(result)},
                     {"horizons", horizons_json(result)},
                     {"remaining_sigma", number(result.remaining_sigma)},
                     {"overlays", overlays_json(result)},

@@ -10,7 +10,8 @@ namespace tiller::tools::gap {
 constexpr int kJsonVersion = 1;
 
 /// How `tiller gap` ends, for scripts (docs/guide/gap.md): 0 no gap or one within the budget; 1 named, over the budget;
-/// 2 ambiguous, partly explained or unnamed; 3 data unfit.
+/// 2 ambiguous, partly explained or unnamed; 3 data unfit. Where it is asked what changed the gap is that of the model
+/// of before on the logs of after.
 int exit_code_of(const Result& result, double budget_sigma);
 
 /// Everything, for programs and for the page; tools/python/tiller_tools/gap.schema.json is its schema.

@@ -19,7 +19,7 @@ constexpr double kLeastShare = 0.02;  // of the value
 constexpr double kDelayReach = 8.0;   // deviations that an input delay may have beyond its mean: the bound sizes memory
 
 // Text in the place of a value of the file.
-struct Change {
+struct Replacement {
   std::size_t from = 0, to = 0;  // bytes
   std::string text;
 };
@@ -71,19 +71,32 @@ const toml::node* node_of(const toml::table& root, const RobotFile& robot, std::
   return nullptr;
 }
 
-std::vector<Change> prior_changes(const RobotFile& robot, const std::string& old_text, const toml::table& root,
-                                  const Explanation& found) {
-  std::vector<Change> changes;
+// Bounds of the next run's prior: the old ones, but for a parameter that changed, which they were of before.
+void bounds_of(const RobotFile& robot, std::uint32_t param, const Explanation& found, double& low, double& high) {
+  low = robot.config.priors[param].low;
+  high = robot.config.priors[param].high;
+  const EffectAt changed = {kChangedParameter, param};
+  if (std::find(found.effects.begin(), found.effects.end(), changed) == found.effects.end()) return;
+  const PhysicalRange range = physical_range(robot.config, robot.params, param);
+  low = range.least;
+  high = range.most;
+}
+
+std::vector<Replacement> prior_changes(const RobotFile& robot, const std::string& old_text, const toml::table& root,
+                                       const Explanation& found) {
+  std::vector<Replacement> changes;
   for (std::uint32_t i = 0; i < robot.config.param_count && i < found.params.size(); ++i) {
     const Estimate& e = found.params[i];
     const toml::node* node = node_of(root, robot, i);
     if (e.fixed || !node || !(e.sd > 0)) continue;
-    const tiller_prior_t& prior = robot.config.priors[i];
+    double low, high;
+    bounds_of(robot, i, found, low, high);
+    const bool log_normal = robot.config.priors[i].kind == tiller_prior_log_normal;
     const toml::source_region region = node->source();
     changes.push_back({offset_of(old_text, region.begin), offset_of(old_text, region.end),
-                       prior_text(e.mean, e.sd, prior.low, prior.high, prior.kind == tiller_prior_log_normal)});
+                       prior_text(e.mean, e.sd, low, high, log_normal)});
   }
-  std::sort(changes.begin(), changes.end(), [](const Change& a, const Change& b) { return a.from > b.from; });
+  std::sort(changes.begin(), changes.end(), [](const Replacement& a, const Replacement& b) { return a.from > b.from; });
   return changes;
 }
 
@@ -91,6 +104,7 @@ std::string effects_blocks(const RobotFile& robot, const Explanation& found, con
   std::string text;
   std::size_t param = robot.config.param_count;
   for (const EffectAt& effect : found.effects) {
+    if (effect.kind == kChangedParameter) continue;  // in its place
     const EffectInfo& info = effect_info(effect.kind);
     text += "\n# Found by tiller gap in logs " + data_hash + ".";
     if (info.equation) text += " " + std::string(info.equation);
@@ -129,7 +143,7 @@ bool write_robot(const RobotFile& robot, const std::string& old_text, const Expl
   try {
     const toml::table root = toml::parse(old_text);
     text = old_text;
-    for (const Change& change : prior_changes(robot, old_text, root, found))
+    for (const Replacement& change : prior_changes(robot, old_text, root, found))
       text.replace(change.from, change.to - change.from, change.text);
     if (!text.empty() && text.back() != '\n') text += '\n';
     text += effects_blocks(robot, found, data_hash);

@@ -8,9 +8,9 @@
 namespace tiller::tools::gap {
 namespace {
 
-std::string effects_line(const Explanation& x, const tiller_model_t& model) {
+std::string effects_line(const Explanation& x, const tiller_config_t& config) {
   std::string text;
-  for (const EffectAt& effect : x.effects) text += (text.empty() ? "" : " + ") + effect_text(effect, model);
+  for (const EffectAt& effect : x.effects) text += (text.empty() ? "" : " + ") + effect_text(effect, config);
   return text.empty() ? "the model as it is" : text;
 }
 
@@ -21,7 +21,8 @@ void append_horizons(const Result& result, std::string& text) {
   };
   text += format("\n  %-24s %14s %14s %9s\n", "rollouts", "before (sigma)", "after (sigma)", "windows");
   if (!result.ranking.empty())
-    row("windows worked on", result.nominal_sigma, result.ranking[0].remaining_sigma, result.fit_windows);
+    row("windows worked on", result.before.logs.empty() ? result.nominal_sigma : result.frozen_sigma,
+        result.ranking[0].remaining_sigma, result.fit_windows);
   for (const HorizonGap& h : result.horizons)
     row(format("%g s, kept for the proof", h.seconds), h.before_sigma, h.after_sigma, h.windows);
 }
@@ -33,7 +34,7 @@ void append_ranking(const RobotFile& robot, const Result& result, std::string& t
     const Explanation& x = result.ranking[i];
     bool rival = false;
     for (const std::size_t a : result.ambiguity) rival = rival || a == i;
-    text += format("%c %-46s %10.1f %8.1f %9.1f %7.3g\n", rival ? '*' : ' ', effects_line(x, *robot.model).c_str(),
+    text += format("%c %-46s %10.1f %8.1f %9.1f %7.3g\n", rival ? '*' : ' ', effects_line(x, robot.config).c_str(),
                    x.gain_nats, x.z, x.z_to_best, x.remaining_sigma);
   }
   if (result.ambiguity.size() > 1) text += "  (*: cannot be told apart on these data)\n";
@@ -52,6 +53,20 @@ void append_parameters(const Result& result, std::string& text) {
     if (e.edge.side != EdgeSide::none) text += "  " + edge_text(e.name, e.edge) + "\n";
 }
 
+void append_changes(const Result& result, std::string& text) {
+  const auto table = [&](const char* title, const std::vector<Change>& changes) {
+    if (changes.empty()) return;
+    text += format("\n  %-34s %12s %12s %12s   %s\n", title, "before", "after", "change", "95 %");
+    for (const Change& c : changes)
+      text += format("  %-34s %12s %12s %12s   %s %s\n", c.name.c_str(),
+                     c.effect ? "-" : mean_text(c.before, c.before_sd, 5).c_str(),
+                     mean_text(c.after, c.after_sd, 5).c_str(), format("%+.3g", c.change).c_str(),
+                     interval_text(c.low, c.high).c_str(), c.unit.c_str());
+  };
+  table("changed", result.changes);
+  table(result.changes.empty() ? "if it alone had changed" : "if it had changed, too", result.others);
+}
+
 void append_region(const RobotFile& robot, const Result& result, std::string& text) {
   const Region& r = result.region;
   if (!r.found) return;
@@ -66,13 +81,17 @@ void append_region(const RobotFile& robot, const Result& result, std::string& te
 }  // namespace
 
 std::string gap_text(const RobotFile& robot, const Result& result) {
-  std::string text = robot.name + ": " + verdict_name(result.verdict) + (result.interrupted ? " (interrupted)" : "") +
-                     "\n" + result.sentence + "\n";
+  const bool unchanged = !result.before.logs.empty() && result.verdict == Verdict::no_gap;
+  std::string text = robot.name + ": " + (unchanged ? "unchanged" : verdict_name(result.verdict)) +
+                     (result.interrupted ? " (interrupted)" : "") + "\n" + result.sentence + "\n";
   for (const std::string& reason : result.reasons) text += "  " + reason + "\n";
   if (result.verdict == Verdict::unfit) return text;
   append_region(robot, result, text);
   append_ranking(robot, result, text);
-  append_parameters(result, text);
+  if (result.before.logs.empty())
+    append_parameters(result, text);
+  else
+    append_changes(result, text);
   append_horizons(result, text);
   if (!result.separation.empty()) text += "\nTo tell them apart: " + result.separation + "\n";
   text += format("\n%.1f s of data, %zu windows worked on, %zu kept for the proof; %.1f s of computing\n",

@@ -1,6 +1,18 @@
 #include "tools/gap/result/result.hpp"
 
+#include "effects/effect_info.hpp"
+
 namespace tiller::tools::gap {
+
+const EffectInfo& info_of(std::uint32_t kind) {
+  static const EffectInfo changed = [] {
+    EffectInfo info;
+    info.name = "changed_parameter";
+    info.help = "a parameter of the model has another value than before";
+    return info;
+  }();
+  return kind == kChangedParameter ? changed : effect_info(kind);
+}
 
 const char* axis_name(Axis axis) {
   switch (axis) {

@@ -15,13 +15,48 @@
 // measurement's deviation from the rollout, in standard deviations of what sensor and process noise leave (1: nothing
 // but noise).
 
+namespace tiller {
+struct EffectInfo;
+}
+
 namespace tiller::tools::gap {
 
-/// An effect at a port of the model.
+/// As the kind of an EffectAt whose port is a parameter's index: this parameter is another one than before. So changes
+/// and new effects compete in one search.
+constexpr std::uint32_t kChangedParameter = UINT32_MAX;
+
+/// An effect at a port of the model, or a parameter that changed.
 struct EffectAt {
-  std::uint32_t kind = 0;  ///< tiller_effect_kind_t
+  std::uint32_t kind = 0;  ///< tiller_effect_kind_t, or kChangedParameter
   std::uint32_t port = 0;
   bool operator==(const EffectAt& o) const { return kind == o.kind && port == o.port; }
+};
+
+/// effect_info() that also knows kChangedParameter, which adds no parameter of its own.
+const EffectInfo& info_of(std::uint32_t kind);
+
+/// What logs say of a model with its effects, to second order.
+struct ModelFit {
+  std::vector<double> mean, sd;     ///< (np)
+  std::vector<double> information;  ///< (np x np) of half the cost, priors included; zeros for fixed parameters
+  double sigma = 1;                 ///< that it leaves of rollouts of 1 s on those logs; at least 1
+};
+
+/// What is another one in the logs of after: a parameter, or an effect that was not there.
+struct Change {
+  std::string name, unit;
+  bool effect = false;               ///< a parameter of a new effect, which was not there before
+  double before = 0, before_sd = 0;  ///< NaN for a new effect's
+  double after = 0, after_sd = 0;
+  double change = 0, low = 0, high = 0;  ///< after - before, and 95 % of it
+};
+
+/// How the model of before was found.
+struct BeforeTold {
+  std::vector<std::string> logs;
+  std::string hash, verdict, sentence;
+  std::string robot_file;  ///< that holds it; empty: not written
+  double data_s = 0;
 };
 
 /// A parameter of the model or of an effect, fitted.
@@ -144,6 +179,17 @@ struct Result {
 
   std::size_t fit_windows = 0, decide_windows = 0, test_windows = 0;
   double data_s = 0;  ///< seconds of data used
+
+  std::size_t model_place = 0;  ///< into ranking: the model to go on with; what is not proven is not in it
+  ModelFit model;               ///< its fit
+
+  // what changed, where Options::before is given
+  BeforeTold before;
+  double before_sigma = 1;      ///< that the model of before leaves on its own logs; the unit of all errors here
+  double frozen_sigma = 0;      ///< deciding windows under the model of before as it is
+  std::vector<Change> changes;  ///< of the best explanation, largest in its deviations first
+  std::vector<Change> others;   ///< of each further parameter, did it change beside that; 95 % should hold 0
+
   double cpu_s = 0;
   std::size_t memory_bytes = 0;       ///< bound of what is taken after the logs were read, known before the search
   std::string data_hash, model_hash;  ///< of the logs' bytes and of the robot file
@@ -155,8 +201,9 @@ struct Options {
   double budget_sigma = 1.1;            ///< --budget: a remaining gap up to this is no gap
   std::size_t most_steps = kMostSteps;  ///< of the logs' time, in steps of period_s; 0: all
   std::uint32_t max_effects = 3;
-  std::vector<std::string> only;  ///< kinds to consider; empty: all
-  std::vector<EffectAt> given;    ///< taken for the explanation whatever the data say; empty: searched for
+  std::vector<std::string> only;     ///< kinds to consider; empty: all
+  const ModelFit* before = nullptr;  ///< of the robot file on logs of before: the logs are asked what changed since
+  std::vector<EffectAt> given;       ///< taken for the explanation whatever the data say; empty: searched for
   std::uint64_t seed = 1;
   std::uint32_t threads = 1;  ///< that share the windows; results are the same bits for any number
   std::function<void(const char* step, double share)> progress;  ///< may be empty

@@ -14,7 +14,7 @@ namespace {
 // Held-out cost with two nats for each parameter, what choices cost and what priors do: between equals the simpler
 // leads.
 double ranked_cost(const Session& s, const Candidate& e) {
-  return held_out_cost(s, e) + 2 * s.dispersion * (2 * static_cast<double>(e.hypothesis.free.size()) - e.ahead_nats());
+  return held_out_cost(s, e) + 2 * s.dispersion * (2 * static_cast<double>(e.hypothesis.freedom) - e.ahead_nats());
 }
 
 bool worth(const Session& s, const Candidate& nominal, const Candidate& rich, const Candidate& simple) {
@@ -38,8 +38,7 @@ bool Pool::simpler_than(std::size_t simple, std::size_t rich) {
   const Candidate &a = entries[simple], &b = entries[rich];
   if (nested(a, b)) return true;
   return !a.effects().empty() && a.effects().size() <= b.effects().size() &&
-         a.hypothesis.free.size() < b.hypothesis.free.size() &&
-         !compare(session_, b, a).significant(kRival_nats, kRival_z) &&
+         a.hypothesis.freedom < b.hypothesis.freedom && !compare(session_, b, a).significant(kRival_nats, kRival_z) &&
          difference_sigma(session_, a, b) < kEquivalent_sigma;
 }
 
@@ -65,7 +64,7 @@ std::size_t Pool::choose(std::size_t most) {
 bool Pool::better(std::size_t a, std::size_t b, std::size_t level) {
   if (a == b) return false;
   const Candidate &x = entries[a], &y = entries[b];
-  if (b != 0 && x.hypothesis.free.size() <= y.hypothesis.free.size())
+  if (b != 0 && x.hypothesis.freedom <= y.hypothesis.freedom)
     return ranked_cost(session_, x) < ranked_cost(session_, y);
   return compare(session_, x, y).significant(kGap_nats, kGap_z) &&
          (level == 1 || share_of_gap(session_, nominal(), x, y) > kSizeShare);
@@ -78,12 +77,12 @@ std::vector<std::size_t> Pool::rivals(std::size_t index) {
   for (std::size_t i = 1; i < entries.size(); ++i) {
     const Candidate& e = entries[i];
     if (i == index || !e.decided || nested(best, e)) continue;
-    if (e.effects().size() > best.effects().size() && e.hypothesis.free.size() >= best.hypothesis.free.size()) continue;
+    if (e.effects().size() > best.effects().size() && e.hypothesis.freedom >= best.hypothesis.freedom) continue;
     const Comparison c = compare(session_, best, e);
     if (c.significant(kRival_nats, kRival_z)) continue;
     // the same predictions from more parameters: the simpler has the name, but another mechanism is told (a rotor's
     // inertia, or that of a rotor behind a play that does not open)
-    if (e.hypothesis.free.size() > best.hypothesis.free.size() && !other_mechanism(best, e, *session_.config.model) &&
+    if (e.hypothesis.freedom > best.hypothesis.freedom && !other_mechanism(best, e, *session_.config.model) &&
         difference_sigma(session_, best, e) < kEquivalent_sigma)
       continue;
     if (share_of_gap(session_, nominal(), best, e) > kRivalShare) continue;

@@ -155,7 +155,7 @@ struct Confirmer {
     for (std::size_t i = 1; i < found.entries.size(); ++i) {
       Candidate& e = found.entries[i];
       if (std::find(set.begin(), set.end(), i) != set.end()) continue;
-      const bool richer = e.hypothesis.free.size() > best().hypothesis.free.size();
+      const bool richer = e.hypothesis.freedom > best().hypothesis.freedom;
       if (richer ? leads(e, best()) : shares(e)) set.push_back(i);
     }
   }
@@ -163,7 +163,7 @@ struct Confirmer {
   // Of the gap's square; where there is next to no gap, whatever leads.
   bool explains_most(const Candidate& e) {
     const double before = s.sigma(found.entries[0].cv_cost, s.work), after = s.sigma(e.cv_cost, s.work);
-    return before <= s.options.budget_sigma || after * after - 1 < kPartlyShare * (before * before - 1);
+    return before <= s.budget_sigma() || after * after - 1 < kPartlyShare * (before * before - 1);
   }
 
   // What all members of the ambiguity set have in common takes the name where the rest is small and could be anything.

@@ -71,7 +71,9 @@ void cross_validate(Session& s, Candidate& entry) {
     for (const std::size_t w : s.fold[f]) entry.cv_cost[w] = fit.cost[w];
   }
   entry.choice_nats = choice_nats(s, entry.effects());
-  entry.prior_nats = prior_nats(entry.hypothesis, entry.fit.params);
+  // logs of before count as logs do
+  entry.prior_nats =
+      s.options.before ? 0.5 * entry.fit.penalty / s.dispersion : prior_nats(entry.hypothesis, entry.fit.params);
   // costs of fits that were stopped halfway compare with nothing; the nominal model has to be there
   entry.decided = !s.stopped() || entry.effects().empty();
 }

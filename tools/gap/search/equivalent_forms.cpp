@@ -26,7 +26,7 @@ bool can_join(const std::vector<EffectAt>& effects, const EffectAt& e) {
 /// First parameter of each effect in the configuration's.
 std::size_t first_param(const Hypothesis& h, std::size_t effect) {
   std::size_t at = h.own_params;
-  for (std::size_t i = 0; i < effect; ++i) at += static_cast<std::size_t>(effect_info(h.added[i].kind).param_count);
+  for (std::size_t i = 0; i < effect; ++i) at += static_cast<std::size_t>(info_of(h.added[i].kind).param_count);
   return at;
 }
 
@@ -56,7 +56,7 @@ bool rewrite(const Candidate& entry, std::vector<EffectAt>& effects, std::vector
     } else if (!(old[i].kind == kPair[1] && can_join(old, {kPair[0], old[i].port}) &&
                  has(old, kPair[0], old[i].port))) {
       effects.push_back(old[i]);
-      params.insert(params.end(), mine, mine + effect_info(old[i].kind).param_count);
+      params.insert(params.end(), mine, mine + info_of(old[i].kind).param_count);
     }
   }
   return changed;

@@ -73,8 +73,11 @@ void Pool::begin() {
   Candidate nominal;
   make_hypothesis(session_.config, {}, &session_.scales, nominal.hypothesis);
   session_.progress("nominal fit", 0);
-  const std::vector<double> start =
-      nominal.hypothesis.free.size() > kManyParams ? brief_fit(session_, nominal.hypothesis) : std::vector<double>();
+  std::vector<double> start;
+  if (session_.options.before)
+    start = session_.options.before->mean;
+  else if (nominal.hypothesis.free.size() > kManyParams)
+    start = brief_fit(session_, nominal.hypothesis);
   nominal.fit = session_.shooting->begin(nominal.hypothesis, start, nullptr);
   for (int round = 0; round < 2; ++round) {
     session_.shooting->prepare_whitening(nominal.hypothesis, nominal.fit);
@@ -102,8 +105,8 @@ double Pool::enough_for(const Candidate& e) const {
 void Pool::consider(std::vector<Candidate> screened, std::size_t keep) {
   const double each = 4 * session_.dispersion;
   std::stable_sort(screened.begin(), screened.end(), [&](const Candidate& a, const Candidate& b) {
-    return a.screened + each * static_cast<double>(a.hypothesis.free.size()) <
-           b.screened + each * static_cast<double>(b.hypothesis.free.size());
+    return a.screened + each * static_cast<double>(a.hypothesis.freedom) <
+           b.screened + each * static_cast<double>(b.hypothesis.freedom);
   });
   std::vector<Candidate> kept;
   for (Candidate& e : screened) {
@@ -143,7 +146,7 @@ std::size_t Pool::without(std::size_t index, std::size_t member) {
                              entries[index].fit.params.begin() + session_.config.param_count);
   std::size_t at = params.size();
   for (std::size_t i = 0; i < effects.size(); ++i) {
-    const std::size_t count = static_cast<std::size_t>(effect_info(effects[i].kind).param_count);
+    const std::size_t count = static_cast<std::size_t>(info_of(effects[i].kind).param_count);
     if (i != member) {
       rest.push_back(effects[i]);
       for (std::size_t k = 0; k < count; ++k) params.push_back(entries[index].fit.params[at + k]);

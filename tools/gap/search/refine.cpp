@@ -13,7 +13,7 @@ namespace {
 // Other values of a shape's parameter: half and twice a spatial_period, the catalogue's starts of a velocity or a
 // distance.
 std::vector<double> other_shapes(const Session& s, const EffectAt& e, int param, double now) {
-  const EffectParam& p = effect_info(e.kind).params[param];
+  const EffectParam& p = info_of(e.kind).params[param];
   if (p.scale == Scale::spatial_period) return {0.5 * now, 2 * now};
   // a delay's slope changes at every whole period
   if (has_role(e.kind, kDelay)) return {now - 0.6 * s.scales.period_s, now + 0.6 * s.scales.period_s};
@@ -30,7 +30,7 @@ std::vector<double> other_shapes(const Session& s, const EffectAt& e, int param,
 void polish(Session& s, Candidate& entry) {
   std::size_t at = s.config.param_count;
   for (const EffectAt& e : entry.effects()) {
-    const EffectInfo& info = effect_info(e.kind);
+    const EffectInfo& info = info_of(e.kind);
     for (int i = 0; i < info.param_count; ++i)
       for (const double value : other_shapes(s, e, i, entry.fit.params[at + static_cast<std::size_t>(i)])) {
         if (s.stopped()) return;

@@ -12,7 +12,7 @@ namespace {
 bool covers(const EffectAt& rich, const EffectAt& simple, int depth = 3) {
   if (rich == simple) return true;
   if (depth == 0 || rich.port != simple.port) return false;
-  for (const char* name : effect_info(rich.kind).contains) {
+  for (const char* name : info_of(rich.kind).contains) {
     const int kind = name ? find_effect(name) : -1;
     if (kind >= 0 && covers({static_cast<std::uint32_t>(kind), rich.port}, simple, depth - 1)) return true;
   }
@@ -34,7 +34,7 @@ bool same_set(const std::vector<EffectAt>& a, const std::vector<EffectAt>& b) {
 }
 
 bool nested(const Candidate& simple, const Candidate& rich) {
-  if (simple.hypothesis.free.size() >= rich.hypothesis.free.size()) return false;
+  if (simple.hypothesis.freedom >= rich.hypothesis.freedom) return false;
   std::uint32_t taken = 0;
   for (const EffectAt& e : simple.effects()) {
     bool ok = false;
@@ -50,7 +50,7 @@ bool nested(const Candidate& simple, const Candidate& rich) {
 
 bool other_mechanism(const Candidate& simple, const Candidate& rich, const tiller_model_t& model) {
   if (simple.effects().size() != rich.effects().size() || nested(simple, rich) ||
-      rich.hypothesis.free.size() > simple.hypothesis.free.size() + 2)
+      rich.hypothesis.freedom > simple.hypothesis.freedom + 2)
     return false;
   const auto missing = [](const std::vector<EffectAt>& from, const std::vector<EffectAt>& in) {
     std::vector<EffectAt> left;
@@ -61,16 +61,16 @@ bool other_mechanism(const Candidate& simple, const Candidate& rich, const tille
   const std::vector<EffectAt> a = missing(simple.effects(), rich.effects()),
                               b = missing(rich.effects(), simple.effects());
   if (a.size() != 1 || b.size() != 1) return false;
-  const auto& aliases = effect_info(b[0].kind).aliases;
-  const char* name = effect_info(a[0].kind).name;
+  const auto& aliases = info_of(b[0].kind).aliases;
+  const char* name = info_of(a[0].kind).name;
   return std::any_of(std::begin(aliases), std::end(aliases),
                      [&](const char* alias) { return alias != nullptr && std::strcmp(alias, name) == 0; }) &&
          joint_of(model, a[0].kind, a[0].port) == joint_of(model, b[0].kind, b[0].port);
 }
 
 bool may_be_taken_for(const EffectAt& a, const EffectAt& b, const tiller_model_t& model) {
-  if (a == b) return false;
-  const EffectInfo &x = effect_info(a.kind), &y = effect_info(b.kind);
+  if (a == b || a.kind == kChangedParameter || b.kind == kChangedParameter) return false;
+  const EffectInfo &x = info_of(a.kind), &y = info_of(b.kind);
   if (!lists(x, y.name) && !lists(y, x.name) && !are_alike(a.kind, b.kind)) return false;
   return joint_of(model, a.kind, a.port) == joint_of(model, b.kind, b.port);
 }

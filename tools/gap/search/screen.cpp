@@ -29,13 +29,13 @@ std::vector<double> periods_of(const Session& s, const EffectAt& e) {
 }
 
 std::vector<std::vector<double>> all_starts(Session& s, const Candidate& base, const EffectAt& e) {
-  return has_pitch(effect_info(e.kind)) ? scan_spatial_periods(s, base, e, kPitchStarts) : starts_of(s, e);
+  return has_pitch(info_of(e.kind)) ? scan_spatial_periods(s, base, e, kPitchStarts) : starts_of(s, e);
 }
 
 // Where an earlier screen left it, and the same near nothing.
 std::vector<std::vector<double>> short_starts(const EffectAt& e, const std::vector<double>& hint) {
   std::vector<double> small = hint;
-  const EffectInfo& info = effect_info(e.kind);
+  const EffectInfo& info = info_of(e.kind);
   for (std::size_t i = 0; i < small.size(); ++i)
     if (is_strength(info.params[i].scale)) small[i] *= kSmallStarts[0];
   return {hint, small};
@@ -61,7 +61,7 @@ std::vector<double> centre_of_own(const Session& s, const Candidate& base) {
 }
 
 std::vector<std::vector<double>> starts_of(const Session& s, const EffectAt& e) {
-  const EffectInfo& info = effect_info(e.kind);
+  const EffectInfo& info = info_of(e.kind);
   std::vector<std::vector<double>> starts = {{}};
   for (int k = 0; info.paired_starts && k + 1 < info.params[0].start_count; ++k) starts.emplace_back();
   for (int i = 0; i < info.param_count; ++i) {
@@ -134,11 +134,10 @@ std::vector<Candidate> screen(Session& s, const Candidate& base, std::size_t kee
     entry.hypothesis.setup.substeps = s.coarse_substeps;
     const bool all = fresh || hints[c].empty();
     fit_from(s, base.fit.params, base.fit, all ? all_starts(s, base, e) : short_starts(e, hints[c]), 1,
-             all && has_pitch(effect_info(e.kind)), entry);
+             all && has_pitch(info_of(e.kind)), entry);
     if (!centre.empty()) fit_from(s, centre, base.fit, starts_of(s, e), kFromCentreIterations, true, entry);
     if (!entry.fit.finite) continue;
-    if (hints[c].empty())
-      hints[c].assign(entry.fit.params.end() - effect_info(e.kind).param_count, entry.fit.params.end());
+    if (hints[c].empty()) hints[c].assign(entry.fit.params.end() - info_of(e.kind).param_count, entry.fit.params.end());
     found.push_back(std::move(entry));
   }
   const auto better = [](const Candidate& a, const Candidate& b) { return a.fit.total() < b.fit.total(); };

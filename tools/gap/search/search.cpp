@@ -73,7 +73,7 @@ void Searcher::exchange() {
   std::vector<Candidate> others;
   std::size_t at = s_.config.param_count;
   for (std::size_t i = 0; i < effects.size(); ++i) {
-    const auto count = static_cast<std::size_t>(effect_info(effects[i].kind).param_count);
+    const auto count = static_cast<std::size_t>(info_of(effects[i].kind).param_count);
     for (const EffectAt& e : s_.candidates) {
       if (s_.stopped() || !may_be_taken_for(effects[i], e, *s_.config.model)) continue;
       std::vector<EffectAt> set = effects;

@@ -1,10 +1,12 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <vector>
 
 #include "tools/gap/fit/shooting.hpp"
+#include "tools/gap/result/thresholds.hpp"
 
 namespace tiller::tools::gap {
 
@@ -41,6 +43,10 @@ struct Session {
   double time_scale = 1;                                 ///< of all grids
   double dispersion = 1;  ///< variance of whitened residuals, serial correlation counted; at least 1
 
+  /// A gap up to which nothing has to be explained. `--budget` 0 asks for the exit code of every change.
+  double budget_sigma() const {
+    return options.before ? std::max(options.budget_sigma, kExplained_sigma) : options.budget_sigma;
+  }
   bool stopped() const { return options.stop != nullptr && *options.stop != 0; }
   void progress(const char* step, double share) const {
     if (options.progress) options.progress(step, share);

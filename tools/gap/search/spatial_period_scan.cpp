@@ -86,7 +86,7 @@ std::vector<double> frequencies(const Session& s, const EffectAt& effect) {
 double choice_nats(const Session& s, const std::vector<EffectAt>& effects) {
   double sum = 0;
   for (const EffectAt& e : effects)
-    if (has_pitch(effect_info(e.kind))) sum += std::log(std::max(1.0, static_cast<double>(frequencies(s, e).size())));
+    if (has_pitch(info_of(e.kind))) sum += std::log(std::max(1.0, static_cast<double>(frequencies(s, e).size())));
   return sum;
 }
 

@@ -24,6 +24,10 @@ _HEADLINE = {"no_gap": "model and data agree", "named": "the missing effect has 
              "unfit": "the data cannot answer"}
 _GOOD = {"no_gap": True, "named": False, "ambiguous": None, "partly_explained": None, "unnamed": None, "leading": None,
          "off_prior": None, "unfit": False}
+_CHANGED = {"no_gap": "nothing changed", "named": "what changed has a name",
+            "ambiguous": "something changed; several explain it equally well",
+            "partly_explained": "something changed; a part of it has a name",
+            "unnamed": "something changed that has no name", "leading": "something changed; an explanation leads"}
 _AXES = {"position": "position", "velocity": "velocity", "input": "command", "input_rate": "change of the command",
          "time": "time", "input_sign_square": "direction of movement times load"}
 _MEANING = {
@@ -45,9 +49,23 @@ def _array(values) -> np.ndarray:
     return np.array([np.nan if v is None else v for v in values], dtype=float)
 
 
+def _effect(effect: dict) -> str:
+    if effect["port_kind"] == "parameter":
+        return f"{effect['port']} changed"
+    return f"{effect['kind'].replace('_', ' ')} ({effect['port']})"
+
+
 def _effects(explanation: dict) -> str:
-    return " + ".join(f"{e['kind'].replace('_', ' ')} ({e['port']})" for e in explanation["effects"]) \
-        or "the model as it is"
+    return " + ".join(_effect(e) for e in explanation["effects"]) or "the model as it is"
+
+
+def _headline(result: dict) -> str:
+    words = _CHANGED if result.get("change") else {}
+    return words.get(result["verdict"], _HEADLINE.get(result["verdict"], result["verdict"]))
+
+
+def _as_it_was(result: dict) -> str:
+    return "model of before" if result.get("change") else "robot file as it is"
 
 
 def _best(result: dict) -> dict | None:
@@ -79,10 +97,10 @@ def horizon_figure(result: dict) -> str:
                            height=3.4)
     at = np.arange(len(horizons))
     before, after = (_array([h[key] for h in horizons]) for key in ("before_sigma", "after_sigma"))
-    bars = [(at - 0.2, before, page.MEASURED, "robot file as it is"),
-            (at + 0.2, after, page.ESTIMATE, "with the effect")]
+    bars = [(at - 0.2, before, page.MEASURED, _as_it_was(result)),
+            (at + 0.2, after, page.ESTIMATE, "with the change" if result.get("change") else "with the effect")]
     if not _adds(result):
-        bars = [(at, before, page.MEASURED, "robot file as it is")]
+        bars = [(at, before, page.MEASURED, _as_it_was(result))]
     for x, height, color, label in bars:
         ax.bar(x, height, 0.38, color=color, label=label)
     ax.axhline(1, color=page.INK, linewidth=1.0, linestyle=(0, (4, 3)), label="noise alone")
@@ -105,7 +123,9 @@ def horizon_table(result: dict) -> str:
     """First the windows that the sentence and the budget go by, then those that no fit has seen."""
     body = []
     if result["ranking"]:
-        body.append(["windows worked on", str(result["data"]["fit_windows"]), _sigma(result["gate"]["nominal_sigma"]),
+        change = result.get("change")
+        before = change["frozen_sigma"] if change else result["gate"]["nominal_sigma"]
+        body.append(["windows worked on", str(result["data"]["fit_windows"]), _sigma(before),
                      _sigma(_best(result)["remaining_sigma"])])
     body += [[f"{h['seconds']:g} s, kept for the proof", str(h["windows"]), _sigma(h["before_sigma"]),
               _sigma(h["after_sigma"])] for h in result["horizons"]]
@@ -127,6 +147,69 @@ def proof_section(result: dict) -> str:
         return ""
     return ("<h2>The gap before and after</h2>"
             + page.grid([horizon_figure(result)]) + horizon_table(result) + channel_table(result))
+
+
+# ---- what changed ----------------------------------------------------------------------------------
+
+
+def _relative(change: dict) -> bool:
+    """Whether the change is told as a share of what was before."""
+    return bool(change["before"]) and abs(change["before"]) > 0.05 * abs(change["after"] or 0)
+
+
+def change_figure(title: str, changes: list[dict]) -> str:
+    """Changes with 95 %, in shares of what was before; nothing changed where the bar reaches over zero."""
+    shown = [c for c in changes if _relative(c) and c["interval_95"][0] is not None]
+    if not shown:
+        return ""
+    figure, ax = page.axes(title, "parameter", xlabel="change (% of the value before)", height=1.1 + 0.36 * len(shown))
+    for i, c in enumerate(shown):
+        scale = 100 / abs(c["before"])
+        low, high = (scale * v for v in c["interval_95"])
+        color = page.MEASURED if low <= 0 <= high else page.ESTIMATE
+        ax.plot([low, high], [i, i], color=color, linewidth=4, solid_capstyle="butt")
+        ax.plot([scale * c["change"]], [i], "o", color=color)
+    ax.axvline(0, color=page.INK, linewidth=1.0)
+    ax.set_yticks(range(len(shown)), [c["name"] for c in shown], fontsize=8)
+    ax.set_ylim(-0.6, len(shown) - 0.4)
+    ax.invert_yaxis()
+    ax.grid(axis="y", visible=False)
+    ax.margins(x=0.15)
+    return page.svg(figure, "Dot: the change; bar: 95 %.")
+
+
+def change_table(changes: list[dict]) -> str:
+    body = []
+    for c in changes:
+        low, high = c["interval_95"]
+        share = "–"
+        if _relative(c) and low is not None:
+            scale = 100 / abs(c["before"])
+            share = f"{scale * c['change']:+.3g} % ({scale * low:+.3g} … {scale * high:+.3g} %)"
+        before = "was not there" if c["of"] == "effect" else f"{page.mean(c['before'], c['before_sd'])} {c['unit']}"
+        body.append([c["name"], before, f"{page.mean(c['after'], c['after_sd'])} {c['unit']}",
+                     page.number(c["change"], 3), page.interval(low, high, between=" … "), share])
+    return page.rows(["parameter", "before", "after", "change", "95 %", "of before"], body)
+
+
+def change_section(result: dict) -> str:
+    change = result.get("change")
+    if not change or not (change["changed"] or change["others"]):
+        return ""
+    parts = ["<h2>What changed</h2>"]
+    if change["changed"]:
+        parts += [change_table(change["changed"]),
+                  page.grid([f for f in (change_figure("what changed", change["changed"]),) if f])]
+    if change["others"]:
+        beside = "besides" if change["changed"] else "by itself"
+        parts += [f"<p>Each other parameter, if it had changed {beside}: an interval about zero bounds what can have "
+                  "changed unseen.</p>", change_table(change["others"]),
+                  page.grid([f for f in (change_figure("what else may have changed", change["others"]),) if f])]
+    before = change["before"]
+    parts.append(f"<p>The model of before, from {page.number(before['seconds'], 3)} s of logs, leaves "
+                 f"{_sigma(before['sigma'])} on them; all errors on this page are in units of that. "
+                 f"{_esc(before['sentence'])}</p>")
+    return "".join(parts)
 
 
 # ---- where -----------------------------------------------------------------------------------------
@@ -367,7 +450,7 @@ def overlay_figure(result: dict, overlay: dict) -> str:
         if _adds(result):
             ax.plot(time, _array(overlay["before"][k]), color=page.MEASURED, linestyle=(0, (4, 2)), label="before")
         ax.plot(time, _array(overlay["after"][k]), color=page.ESTIMATE,
-                label="after" if _adds(result) else "robot file as it is")
+                label="after" if _adds(result) else _as_it_was(result))
         ax.set_ylabel(channels[k]["name"], fontsize=8)
         ax.margins(x=0.01)
         if k == 0:
@@ -403,6 +486,8 @@ def next_steps(result: dict) -> list[str]:
         if edge["by"] == "prior":
             steps.append(f"{_esc(edge['text'])} in <code>{robot}</code>, and run again: what a parameter may not make "
                          "up for looks like physics that is missing.")
+    if result.get("change"):
+        return steps + _after_a_change(result, robot, new)
     if verdict == "no_gap":
         return steps + ["Nothing. Let CI watch: <code>tiller gap "
                 f"{robot} nightly/*.csv --budget {page.number(result['budget_sigma'], 2)}</code> ends with another code "
@@ -423,6 +508,20 @@ def next_steps(result: dict) -> list[str]:
     return steps
 
 
+def _after_a_change(result: dict, robot: str, new: str | None) -> list[str]:
+    verdict, steps = result["verdict"], []
+    if verdict == "no_gap":
+        return [f"Nothing. Let CI watch: <code>tiller gap {robot} --before normal/*.csv --after nightly/*.csv</code> ends "
+                "with another code than 0 where something changed."]
+    if verdict in ("ambiguous", "leading") and result["separation"]:
+        steps.append(f"Tell them apart: {_esc(result['separation'])}.")
+    if new:
+        steps.append(f"Run with the robot as it is now: <code>tiller run {new}</code>; or mend the robot, and compare again.")
+    if verdict in ("unnamed", "partly_explained"):
+        steps.append("Look at the maps: on what does the force depend that was not there before?")
+    return steps
+
+
 def next_section(result: dict) -> str:
     items = "".join(f"<li>{step}</li>" for step in next_steps(result))
     return f"<h2>What to do next</h2><ul class=next>{items}</ul>" if items else ""
@@ -434,10 +533,14 @@ def next_section(result: dict) -> str:
 def _facts(result: dict) -> list[tuple[str, str]]:
     facts = []
     before, best = result["gate"]["nominal_sigma"], _best(result)
-    if before:  # the sentence's figure, and what the budget is compared with
+    change = result.get("change")
+    if change:
+        facts.append(("model of before, on after", _sigma(change["frozen_sigma"])))
+    elif before:  # the sentence's figure, and what the budget is compared with
         facts.append(("gap, before" if result["verdict"] != "no_gap" else "gap", _sigma(before)))
     if best and result["verdict"] != "no_gap":
-        facts.append(("after, at worst", _sigma(max(best["remaining_sigma"], result["remaining_sigma"] or 0))))
+        facts.append(("with the change, at worst" if change else "after, at worst",
+                      _sigma(max(best["remaining_sigma"], result["remaining_sigma"] or 0))))
     facts.append(("noise / robot file's", page.number(result["gate"]["noise_ratio"], 2)))
     facts.append(("data", f"{page.number(result['data']['seconds'], 3)} s"))
     facts.append(("windows: worked on, proof", f"{result['data']['fit_windows']}, {result['data']['test_windows']}"))
@@ -459,23 +562,27 @@ def build(result: dict) -> str:
     logs = ", ".join(Path(log).name for log in result["data"]["logs"])
     held = ", ".join(Path(log).name for log in result["data"]["hold_out"])
     verdict = result["verdict"]
-    body = [_STYLE, f"<h1>{_esc(result['robot']['name'])}: model and measurement</h1>",
+    change = result.get("change")
+    if change:
+        logs = f"Before: {', '.join(Path(log).name for log in change['before']['logs'])}. After: {logs}"
+    what = "what changed" if change else "model and measurement"
+    body = [_STYLE, f"<h1>{_esc(result['robot']['name'])}: {what}</h1>",
             f"<p class=lead>{_esc(logs)}{'. For the proof alone: ' + _esc(held) if held else ''}.</p>",
-            page.outcome(_HEADLINE.get(verdict, verdict) + (" (interrupted)" if result["interrupted"] else ""),
+            page.outcome(_headline(result) + (" (interrupted)" if result["interrupted"] else ""),
                          _GOOD.get(verdict)),
             f"<p class=verdict>{_esc(result['sentence'])}</p>"]
     if result["reasons"]:
         body.append("<ul class=reasons>" + "".join(f"<li>{_esc(r)}</li>" for r in result["reasons"]) + "</ul>")
     if verdict != "unfit":
         body.append(page.facts(_facts(result)))
-    body += [next_section(result), proof_section(result), where_section(result), what_section(result),
-             parameter_section(result), overlay_section(result)]
+    body += [next_section(result), change_section(result), proof_section(result), where_section(result),
+             what_section(result), "" if change else parameter_section(result), overlay_section(result)]
     if result["notes"]:
         body.append("<h2>Notes</h2><ul class=next>" + "".join(f"<li>⚠ {_esc(n)}</li>" for n in result["notes"]) + "</ul>")
     body.append(f"<footer>Robot file <code>{_esc(result['robot']['file'])}</code> ({_esc(result['robot']['hash'])}), data "
                 f"{_esc(result['data']['hash'])}, seed {result['seed']}, tiller {_esc(result['tiller'])}. σ: standard "
                 "deviation of what sensor and process noise of the robot file leave.</footer>")
-    return page.page(f"{result['robot']['name']}: {_HEADLINE.get(verdict, verdict)}", "".join(body))
+    return page.page(f"{result['robot']['name']}: {_headline(result)}", "".join(body))
 
 
 def write_report(json_path: str | Path, out: str | Path) -> Path:

@@ -41,6 +41,7 @@ class IqOptions:
     rate: float = 1e-3       # of Q; falls to a twentieth
     policy_rate: float = 1e-4
     follow: float = 0.02     # of an update, of the Q of V(x')
+    kept: int = 400          # iterations whose transitions are kept
     seed: int = 1
 
 
@@ -126,7 +127,7 @@ class _Learner:
         return tuple(part.reshape(-1, part.shape[-1]) for part in made)
 
     def start(self, q: Any, weights: Any) -> _State:
-        learnt, many = eqx.filter(q, eqx.is_inexact_array), self.o.iterations * self.o.rollouts * self.o.steps
+        learnt, many = eqx.filter(q, eqx.is_inexact_array), self.o.kept * self.o.rollouts * self.o.steps
         actor = (weights, jnp.full(self.scene.nu, np.log(self.o.first_sd)))
         kept = tuple(jnp.zeros((many, part.shape[-1])) for part in self.shown)
         return _State(q, learnt, actor, self.q_adam.init(learnt), self.actor_adam.init(actor), weights, kept,
@@ -135,9 +136,9 @@ class _Learner:
     def round(self, s: _State, key: Array) -> tuple[_State, Array]:
         by, then = jax.random.split(key)
         made = self.rollouts(s.actor, by)
-        kept = tuple(jax.lax.dynamic_update_slice(all_of, part, (s.played * len(part), 0))
+        kept = tuple(jax.lax.dynamic_update_slice(all_of, part, (s.played % self.o.kept * len(part), 0))
                      for all_of, part in zip(s.kept, made, strict=True))
-        many = (s.played + 1) * len(made[0])
+        many = jnp.minimum(s.played + 1, self.o.kept) * len(made[0])
         learnt, still = eqx.partition(s.q, eqx.is_inexact_array)
         carry = (learnt, s.later_q, s.actor, s.q_adam, s.actor_adam)
         carry, _ = jax.lax.scan(lambda c, k: self.update(c, k, still, kept, many), carry,
