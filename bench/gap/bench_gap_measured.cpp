@@ -49,7 +49,7 @@ void print_result(const Result& result, const tools::RobotFile& robot) {
   for (const auto& h : result.horizons) {
     std::printf("  %.2f s (%zu windows): %.4g -> %.4g sigma;", h.seconds, h.windows, h.before_sigma, h.after_sigma);
     for (std::size_t i = 0; i < h.before_rms.size(); ++i)
-      std::printf(" %s %.4g -> %.4g", robot.measurements[i].c_str(), h.before_rms[i], h.after_rms[i]);
+      std::printf(" %s %.4g -> %.4g", robot.names.measurements[i].c_str(), h.before_rms[i], h.after_rms[i]);
     std::printf("\n");
   }
   std::printf("  ranking (nats over nominal, z, z to best, robust, rollouts, sigma left)\n");
@@ -57,7 +57,7 @@ void print_result(const Result& result, const tools::RobotFile& robot) {
     const Explanation& e = result.ranking[i];
     const bool tied = std::count(result.ambiguity.begin(), result.ambiguity.end(), i) > 0;
     std::printf("  %c %-66s %9.1f %6.1f %6.1f %6.1f %6.2f %6.3f\n", tied ? '*' : ' ',
-                joined(names_of(e, *robot.model)).c_str(), e.gain_nats, e.z, e.z_to_best, e.robust_z_to_best,
+                joined(names_of(e, *robot.config.model)).c_str(), e.gain_nats, e.z, e.z_to_best, e.robust_z_to_best,
                 e.rollout_ratio, e.remaining_sigma);
   }
   if (result.ranking.empty()) return;
@@ -84,7 +84,7 @@ double free_run(const tools::RobotFile& robot, const Explanation& best, const st
   std::vector<int> measured(robot.config.measured_state, robot.config.measured_state + robot.config.measurement_count);
   tools::Log log;
   std::string error;
-  if (!read_log(path, robot.log, *robot.model, measured, log, error)) {
+  if (!read_log(path, robot.log, *robot.config.model, measured, log, error)) {
     std::printf("  %s\n", error.c_str());
     return NAN;
   }
@@ -105,7 +105,7 @@ double free_run(const tools::RobotFile& robot, const Explanation& best, const st
   const std::size_t steps = grid.points() - 1 - kStart;
   const double* path_of = rollout.run(grid, kStart, steps, state);
   double sum = 0;
-  const std::uint32_t nx = robot.model->state_count, channel = static_cast<std::uint32_t>(measured[0]);
+  const std::uint32_t nx = robot.config.model->state_count, channel = static_cast<std::uint32_t>(measured[0]);
   for (std::size_t k = 0; k <= steps; ++k) {
     const double e = path_of[(k * nx + channel) * 16] - grid.state[channel][kStart + k];
     sum += e * e;
@@ -119,7 +119,8 @@ void emps(Table& table, const tools::RobotFile& robot, const Result& result, con
   print_result(result, robot);
   const EffectSet wanted = {"coulomb_friction@axis", "constant_offset@axis", "viscous_friction@axis"};
   const bool names = result.verdict == tools::gap::Verdict::named || result.verdict == tools::gap::Verdict::partly;
-  const EffectSet said = names && !result.ranking.empty() ? names_of(result.ranking[0], *robot.model) : EffectSet{};
+  const EffectSet said =
+      names && !result.ranking.empty() ? names_of(result.ranking[0], *robot.config.model) : EffectSet{};
   const auto is_said = [&](const EffectName& w) { return std::count(said.begin(), said.end(), w) > 0; };
   const auto found = std::count_if(wanted.begin(), wanted.end(), is_said);
   table.row("Coulomb, viscous, offset: named of 3", static_cast<double>(found), "", at_least(3));

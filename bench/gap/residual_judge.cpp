@@ -163,7 +163,7 @@ bool judge(const WorldCase& wanted, Judged& out, std::string& error) {
   const std::clock_t begin = std::clock();
   gap::ResidualFit best;
   best.log_evidence = -HUGE_VAL;
-  for (std::uint32_t j = 0; j < robot->model->joint_count; ++j) {
+  for (std::uint32_t j = 0; j < robot->config.model->joint_count; ++j) {
     gap::ResidualFit fit;
     if (gap::fit_residual(robot->config, work, params, j, fit, error) && fit.log_evidence > best.log_evidence)
       best = fit;

@@ -79,9 +79,9 @@ int print_commands(const RobotFile& robot, int ticks) {
   const Loop loop = run_loop(robot, ticks);
   for (std::size_t k = 0; k < loop.commands.size(); ++k) {
     std::printf("%lld", static_cast<long long>(loop.measured[k].stamp_us));
-    for (std::size_t i = 0; i < robot.measurements.size(); ++i) std::printf(" %a", loop.measured[k].value[i]);
+    for (std::size_t i = 0; i < robot.names.measurements.size(); ++i) std::printf(" %a", loop.measured[k].value[i]);
     std::printf(" ;");
-    for (std::size_t i = 0; i < robot.inputs.size(); ++i) std::printf(" %a", loop.commands[k].value[i]);
+    for (std::size_t i = 0; i < robot.names.inputs.size(); ++i) std::printf(" %a", loop.commands[k].value[i]);
     std::printf("\n");
   }
   return 0;
@@ -97,11 +97,11 @@ int time_ticks(const RobotFile& robot, int ticks) {
 /// The kernel on rows of lanes, a piece at a time as the package has them: the work without anybody's interface.
 int time_kernel(const RobotFile& robot, int lanes, int steps) {
   constexpr std::uint32_t kPiece = 32;
-  const std::size_t nx = robot.states.size(), nu = robot.inputs.size();
+  const std::size_t nx = robot.names.states.size(), nu = robot.names.inputs.size();
   StepSetup setup;
   if (make_step_setup(robot.config, setup) != tiller_status_ok) return 1;
   std::vector<double> params, state(nx, 0.1), effects(setup.effect_state_count + 1, 0.0);
-  for (std::size_t i = 0; i < robot.params.size(); ++i) params.push_back(centre_of(robot.config.priors[i]));
+  for (std::size_t i = 0; i < robot.names.params.size(); ++i) params.push_back(centre_of(robot.config.priors[i]));
   const std::size_t pieces = (static_cast<std::size_t>(lanes) + kPiece - 1) / kPiece,
                     rows = nx * (static_cast<std::size_t>(steps) + 1);
   std::vector<double> controls(pieces * static_cast<std::size_t>(steps) * nu * kPiece), way(pieces * rows * kPiece);
@@ -122,7 +122,7 @@ int time_kernel(const RobotFile& robot, int lanes, int steps) {
     for (std::size_t p = 0; p < pieces; ++p) {
       job.controls.data = controls.data() + p * static_cast<std::size_t>(steps) * nu * kPiece;
       job.trajectory = way.data() + p * rows * kPiece;
-      select_rollout(*robot.model).rollout_f64(*robot.model, job);
+      select_rollout(*robot.config.model).rollout_f64(*robot.config.model, job);
     }
     best = std::min(best, ns_since(begin));
   }

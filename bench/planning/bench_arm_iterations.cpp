@@ -64,7 +64,7 @@ int main(int argc, char** argv) {
   }
   std::string errors;
   const auto robot = tools::read_robot_file(argv[1], errors);
-  if (!robot || robot->model->state_count != 2 * kJoints || robot->model->input_count != kJoints) {
+  if (!robot || robot->config.model->state_count != 2 * kJoints || robot->config.model->input_count != kJoints) {
     std::fprintf(stderr, "%s", robot ? "an arm of 7 joints is needed\n" : errors.c_str());
     return 2;
   }

@@ -50,7 +50,7 @@ void widen(tools::RobotFile& robot) {
     double low, high;
   } wide[] = {{"pole_mass_kg", 0.02, 0.5}, {"half_length_m", 0.15, 1.2}, {"cart.damping_SI", 0.0, 2.0}};
   for (const auto& w : wide)
-    robot.config.priors[static_cast<std::size_t>(tools::index_of(robot.params, w.name))] = {
+    robot.config.priors[static_cast<std::size_t>(tools::index_of(robot.names.params, w.name))] = {
         tiller_prior_uniform, 0, 0.0, 0.0, w.low, w.high};
 }
 
@@ -96,7 +96,7 @@ bench::EpisodeResult run(const tools::RobotFile& robot, const Options& o, std::u
 tools::RobotFile knowing(const tools::RobotFile& robot, const std::vector<bench::ParameterResult>& truth) {
   tools::RobotFile oracle = robot;
   for (const auto& p : truth) {
-    const auto i = static_cast<std::size_t>(tools::index_of(robot.params, p.name));
+    const auto i = static_cast<std::size_t>(tools::index_of(robot.names.params, p.name));
     oracle.config.priors[i] = {tiller_prior_fixed, 0, p.truth, 0, p.truth, p.truth};
   }
   return oracle;
@@ -115,14 +115,14 @@ tools::RefitPrior refit_of(Arm arm) {
 /// The prior that an episode leaves to the next one.
 tools::StoredPosterior next_prior(Arm arm, const tools::RobotFile& robot, std::uint64_t seed, std::uint64_t episode,
                                   const bench::EpisodeResult& done) {
-  if (arm == kPosterior) return tools::store_posterior(robot.config, robot.params, done.particles);
+  if (arm == kPosterior) return tools::store_posterior(robot.config, robot.names.params, done.particles);
   tools::RobotFile now = robot;
   now.config.seed = seed;
   tools::seed_episode(now, episode);
   tools::Log log;
   tools::RefittedPrior refitted;
   std::string error;
-  if (!done.rows.finish("episode", "ticks with a measurement", *now.model, log, error) ||
+  if (!done.rows.finish("episode", "ticks with a measurement", *now.config.model, log, error) ||
       !refit_of(arm)(now, log, refitted, error))
     give_up(seed, kName[arm] + (": " + error));
   return refitted.posterior;

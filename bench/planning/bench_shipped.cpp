@@ -42,7 +42,7 @@ class Judge {
         from_(static_cast<std::uint64_t>(0.75 * seconds / robot.config.period_s)) {}
 
   void see(std::uint64_t tick, const double* x) {
-    const std::size_t nx = robot_.states.size();
+    const std::size_t nx = robot_.names.states.size();
     if (start_.empty()) start_.assign(x, x + nx);
     if (hops() && (x[1] < 0.3 || std::fabs(x[2]) > 1.0)) fallen_ = true;
     if (tick < from_) return;
@@ -60,7 +60,7 @@ class Judge {
   }
 
  private:
-  bool hops() const { return !std::strcmp(robot_.model->name, "hopper"); }
+  bool hops() const { return !std::strcmp(robot_.config.model->name, "hopper"); }
 
   const tools::RobotFile& robot_;
   std::vector<double> params_, start_, first_m_s_, last_m_s_;

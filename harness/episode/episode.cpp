@@ -62,9 +62,9 @@ double quantile(std::vector<double>& v, double q) {
 class Judge {
  public:
   explicit Judge(const tools::RobotFile& robot) : robot_(robot) {
-    for (std::size_t i = 0; i < robot.states.size(); ++i) {
-      if (robot.states[i] == "angle_rad") angle_ = static_cast<int>(i);
-      if (robot.states[i] == "position_m") position_ = static_cast<int>(i);
+    for (std::size_t i = 0; i < robot.names.states.size(); ++i) {
+      if (robot.names.states[i] == "angle_rad") angle_ = static_cast<int>(i);
+      if (robot.names.states[i] == "position_m") position_ = static_cast<int>(i);
     }
   }
   void see(double time_s, const double* x, const double* u, EpisodeResult& result) {
@@ -125,7 +125,7 @@ tiller_info_t run_ticks(tiller_t* t, const tools::RobotFile& robot, const Episod
                         EpisodeResult& result) {
   Judge judge(robot);
   result.rows.begin(robot);
-  std::vector<double> tick_us, state(robot.states.size());
+  std::vector<double> tick_us, state(robot.names.states.size());
   const volatile std::sig_atomic_t go_on = 0;
   const auto ticks = static_cast<std::uint64_t>(std::llround(options.seconds / robot.config.period_s));
   result.command_hash = 1469598103934665603ull;
@@ -139,7 +139,7 @@ tiller_info_t run_ticks(tiller_t* t, const tools::RobotFile& robot, const Episod
     link.truth(state.data());
     judge.see(static_cast<double>(k) * robot.config.period_s, state.data(), command.value, result);
     if (options.watch) options.watch(k, state.data());
-    for (std::size_t i = 0; i < robot.inputs.size(); ++i) hash_bits(result.command_hash, command.value[i]);
+    for (std::size_t i = 0; i < robot.names.inputs.size(); ++i) hash_bits(result.command_hash, command.value[i]);
     tiller_get_info(t, &info);
     if (info.tick_ns > 0) tick_us.push_back(static_cast<double>(info.tick_ns) * 1e-3);
   }
@@ -175,7 +175,7 @@ void take_parameters(const tiller_t* t, const tools::RobotFile& robot, const std
   for (std::uint32_t i = 0; i < robot.config.param_count; ++i) {
     if (robot.config.priors[i].kind == tiller_prior_fixed) continue;
     ParameterResult p;
-    p.name = robot.params[i];
+    p.name = robot.names.params[i];
     p.truth = truth[i];
     p.prior_sd = prior_sd(robot.config.priors[i]);
     p.mean = info.param_mean[i];

@@ -157,7 +157,7 @@ double run_once(const RobotFile& robot, std::uint64_t seed, double seconds, cons
   tools::RunOptions options;
   options.seconds = seconds;
   options.quiet = true;
-  options.log = log;
+  options.files.log = log;
   const tools::RunResult result = tools::run_robot(now, *link, options);
   return result.exit_code == 0 ? result.cost : INFINITY;
 }
@@ -198,7 +198,7 @@ LoopOutcome close_loop(const LoopCase& which) {
     out.named = tools::join(names, " + ");
     if (names.empty()) out.named.clear();
     out.right = names.size() == 1 && names[0] == hidden_name(which.hidden);
-    new_text += effects_text(best, *before->model, before->config.param_count);
+    new_text += effects_text(best, *before->config.model, before->config.param_count);
   }
   if (!found.horizons.empty()) {
     out.gap_before = found.horizons.back().before_sigma;

@@ -9,7 +9,7 @@
 #include "harness/gap_worlds/gap_kinds.hpp"
 #include "sim/mechanisms/mechanism.hpp"
 #include "tools/gap/fit/hypothesis.hpp"
-#include "tools/gap/pipeline/engine.hpp"
+#include "tools/gap/pipeline/gap.hpp"
 #include "tools/gap/report/robot_writer.hpp"
 #include "tools/open/robot_open.hpp"
 

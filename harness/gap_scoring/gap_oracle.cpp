@@ -26,7 +26,7 @@ Oracle fit_oracle(const tools::RobotFile& robot, const tools::gap::Options& opti
   tools::gap::Options told = options;
   for (const sim::HiddenEffect& hidden : truth.effects) {
     tools::gap::EffectAt effect;
-    if (!find_in_catalogue(hidden, *robot.model, effect)) return oracle;
+    if (!find_in_catalogue(hidden, *robot.config.model, effect)) return oracle;
     told.given.push_back(effect);
   }
   const tools::gap::Result result = find_gap(robot, told);

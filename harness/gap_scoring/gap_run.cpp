@@ -71,7 +71,7 @@ std::string sets_text(const std::vector<EffectSet>& sets) {
 void score(const World& world, const tools::RobotFile& robot, const Result& result, GapRow& row) {
   EffectSet truth;
   for (const sim::HiddenEffect& e : world.answer.world.effects) truth.push_back(e.kind + "@" + e.port);
-  const GapAnswer answer = answer_of(result, *robot.model);
+  const GapAnswer answer = answer_of(result, *robot.config.model);
   const Outcome outcome = judge(truth, answer);
   row.truth = joined(truth);
   row.verdict = answer.verdict;
@@ -86,7 +86,7 @@ void score(const World& world, const tools::RobotFile& robot, const Result& resu
   if (result.verdict == tools::gap::Verdict::unfit && !result.reasons.empty()) row.note = result.reasons[0];
   if (outcome == Outcome::exact && !truth.empty())
     for (const Explanation& e : result.ranking)
-      if (joined(names_of(e.effects, *robot.model)) == row.truth) {
+      if (joined(names_of(e.effects, *robot.config.model)) == row.truth) {
         count_covered(world.answer.world, e.params, row.covered, row.intervals);
         break;
       }

@@ -29,10 +29,10 @@ std::int64_t micros(nb::handle from, const ArgumentName& name) {
 
 Measurement measurement_of(nb::handle y, std::int64_t now_us, const tools::RobotFile& robot) {
   Measurement m;
-  m.count = static_cast<std::uint32_t>(robot.measurements.size());
+  m.count = static_cast<std::uint32_t>(robot.names.measurements.size());
   m.now_us = now_us;
   m.raw.stamp_us = now_us;
-  read_numbers(y, {"Controller.tick", "y"}, robot.measurements, Finite::any, m.raw.value);
+  read_numbers(y, {"Controller.tick", "y"}, robot.names.measurements, Finite::any, m.raw.value);
   return m;
 }
 
@@ -42,10 +42,11 @@ const tiller_measurement_t* taken(nb::handle y, std::int64_t now_us, std::uint32
   const Measurement* given = nullptr;
   if (y.is_none()) return nullptr;
   if (nb::try_cast(y, given, false) && given) {
-    if (given->count != robot.measurements.size())
-      raise_argument("Controller.tick", "y", "a Measurement of " + std::to_string(given->count) + " values",
-                     std::to_string(robot.measurements.size()) + " values (" + tools::join(robot.measurements) + ")",
-                     "pass a measurement of the same robot");
+    if (given->count != robot.names.measurements.size())
+      raise_argument(
+          "Controller.tick", "y", "a Measurement of " + std::to_string(given->count) + " values",
+          std::to_string(robot.names.measurements.size()) + " values (" + tools::join(robot.names.measurements) + ")",
+          "pass a measurement of the same robot");
     sequence = given->raw.sequence;
     return given->fresh ? &given->raw : nullptr;
   }
@@ -87,14 +88,14 @@ void stop(Controller& c) {
 
 void set_target(Controller& c, nb::handle target) {
   double values[TILLER_MAX_STATES];
-  read_numbers(target, {"Controller.set_target", "target"}, c.robot()->states, Finite::all, values);
+  read_numbers(target, {"Controller.set_target", "target"}, c.robot()->names.states, Finite::all, values);
   const Host::Turn turn(c, "Controller.set_target");
   check_status(tiller_set_target(c.get(), values), "Controller.set_target");
 }
 
 void set_output_target(Controller& c, nb::handle target) {
   double values[TILLER_MAX_OUTPUTS];
-  read_numbers(target, {"Controller.set_output_target", "target"}, c.robot()->outputs, Finite::all, values);
+  read_numbers(target, {"Controller.set_output_target", "target"}, c.robot()->names.outputs, Finite::all, values);
   const Host::Turn turn(c, "Controller.set_output_target");
   check_status(tiller_set_output_target(c.get(), values), "Controller.set_output_target");
 }
@@ -116,8 +117,8 @@ std::vector<double> copy_rows(const std::optional<Rows>& rows, const char* argum
 
 void set_reference(Controller& c, const std::optional<Rows>& states, const std::optional<Rows>& outputs) {
   std::uint32_t steps = 0;
-  std::vector<double> state_rows = copy_rows(states, "states", c.robot()->states, steps);
-  std::vector<double> output_rows = copy_rows(outputs, "outputs", c.robot()->outputs, steps);
+  std::vector<double> state_rows = copy_rows(states, "states", c.robot()->names.states, steps);
+  std::vector<double> output_rows = copy_rows(outputs, "outputs", c.robot()->names.outputs, steps);
   if (steps == 0)
     raise_argument("Controller.set_reference", "states", "None", "states or outputs",
                    "pass rows to follow; to end a reference, call set_target");

@@ -45,7 +45,7 @@ class Plant {
     m.raw = sensed_.measurement;
     m.now_us = sensed_.now_us;
     m.fresh = sensed_.fresh;
-    m.count = static_cast<std::uint32_t>(robot_.measurements.size());
+    m.count = static_cast<std::uint32_t>(robot_.names.measurements.size());
     return m;
   }
 
@@ -75,30 +75,30 @@ void make(Plant* at, nb::handle robot, nb::handle seed, nb::handle params, const
           const nb::kwargs& others) {
   refuse_more("Plant", "robot, seed=None, params=None", more, others);
   const Robot& of = read_robot(robot, "Plant");
-  std::vector<double> values(of->params.size());
-  if (!params.is_none()) read_numbers(params, {"Plant", "params"}, of->params, Finite::or_nan, values.data());
+  std::vector<double> values(of->names.params.size());
+  if (!params.is_none()) read_numbers(params, {"Plant", "params"}, of->names.params, Finite::or_nan, values.data());
   new (at) Plant(of, read_seed(seed, {"Plant", "seed"}), params.is_none() ? nullptr : values.data());
 }
 
 void step(Plant& plant, nb::handle command) {
   const Command* given = nullptr;
-  const std::size_t nu = plant.robot().inputs.size();
+  const std::size_t nu = plant.robot().names.inputs.size();
   tiller_command_t raw{};
   if (nb::try_cast(command, given, false) && given) {
     if (given->count != nu)
       raise_argument("Plant.step", "command", "a Command of " + std::to_string(given->count) + " values",
-                     std::to_string(nu) + " values (" + tools::join(plant.robot().inputs) + ")",
+                     std::to_string(nu) + " values (" + tools::join(plant.robot().names.inputs) + ")",
                      "pass a command of the same robot");
     raw = given->raw;
   } else {
-    read_numbers(command, {"Plant.step", "command"}, plant.robot().inputs, Finite::all, raw.value);
+    read_numbers(command, {"Plant.step", "command"}, plant.robot().names.inputs, Finite::all, raw.value);
   }
   const nb::gil_scoped_release others;
   plant.step(raw);
 }
 
 nb::object true_state(const Plant& plant) {
-  const std::size_t nx = plant.robot().states.size();
+  const std::size_t nx = plant.robot().names.states.size();
   auto* data = new double[nx];
   const nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<double*>(p); });
   plant.true_state(data);

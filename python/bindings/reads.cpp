@@ -101,7 +101,7 @@ nb::object prediction(const Controller& c) {
 
 nb::object outputs(const Controller& c) {
   double* data = nullptr;
-  const nb::object array = filled({c.robot()->outputs.size()}, data);
+  const nb::object array = filled({c.robot()->names.outputs.size()}, data);
   check_status(tiller_get_outputs(c.get(), data), "Controller.outputs");
   return array;
 }
@@ -223,7 +223,7 @@ void bind_reads(nb::module_& m, nb::class_<Controller>& controller) {
       .def_prop_ro("sd", &param_view<&tiller_info_t::param_sd>, "(np) as of the last tick.")
       .def_prop_ro(
           "size", [](const Particles& p) { return p.get().size(); }, "N")
-      .def_prop_ro("names", [](const Particles& p) { return p.controller->robot()->params; })
+      .def_prop_ro("names", [](const Particles& p) { return p.controller->robot()->names.params; })
       .def("quantiles", &quantiles, "q"_a, "(len(q), np) weighted quantiles.")
       .def("covariance", &covariance, "(np, np), zero rows for fixed parameters.");
   controller.def_prop_ro("info",

@@ -82,19 +82,19 @@ nb::dict prior_of(const tiller_prior_t& prior) {
 
 nb::dict priors(const Robot& robot) {
   nb::dict d;
-  for (std::size_t i = 0; i < robot->params.size(); ++i)
-    d[robot->params[i].c_str()] = prior_of(robot->config.priors[i]);
+  for (std::size_t i = 0; i < robot->names.params.size(); ++i)
+    d[robot->names.params[i].c_str()] = prior_of(robot->config.priors[i]);
   return d;
 }
 
 double stage_cost(const Robot& robot, nb::handle x, nb::handle u, nb::handle step, nb::handle params) {
-  std::vector<double> values(robot->params.size());
+  std::vector<double> values(robot->names.params.size());
   double state[TILLER_MAX_STATES], input[TILLER_MAX_INPUTS];
-  read_numbers(x, {"Robot.stage_cost", "x"}, robot->states, Finite::all, state);
-  read_numbers(u, {"Robot.stage_cost", "u"}, robot->inputs, Finite::all, input);
+  read_numbers(x, {"Robot.stage_cost", "x"}, robot->names.states, Finite::all, state);
+  read_numbers(u, {"Robot.stage_cost", "u"}, robot->names.inputs, Finite::all, input);
   const std::int64_t k = read_count(step, {"Robot.stage_cost", "step"}, 0, std::int64_t{1} << 53);
   if (!params.is_none())
-    read_numbers(params, {"Robot.stage_cost", "params"}, robot->params, Finite::all, values.data());
+    read_numbers(params, {"Robot.stage_cost", "params"}, robot->names.params, Finite::all, values.data());
   return tools::stage_cost(robot->config, static_cast<std::uint64_t>(k), state, input,
                            params.is_none() ? nullptr : values.data());
 }
@@ -107,8 +107,8 @@ auto row(std::size_t (*count)(const RobotFile&)) {
   };
 }
 
-std::size_t states(const RobotFile& r) { return r.states.size(); }
-std::size_t inputs(const RobotFile& r) { return r.inputs.size(); }
+std::size_t states(const RobotFile& r) { return r.names.states.size(); }
+std::size_t inputs(const RobotFile& r) { return r.names.inputs.size(); }
 double* initial_state(Config& c) { return c.initial_state; }
 double* target(Config& c) { return c.cost.target; }
 double* input_low(Config& c) { return c.safety.input_low; }
@@ -139,17 +139,17 @@ void bind_robot(nb::module_& m) {
           "[model] file and type, as a dictionary or as a file. Needs a C++ compiler.")
       .def_prop_ro("name", [](const Robot& r) { return r->name; })
       .def_prop_ro("path", [](const Robot& r) { return r->path; })
-      .def_prop_ro("model", [](const Robot& r) { return std::string(r->model->name); })
+      .def_prop_ro("model", [](const Robot& r) { return std::string(r->config.model->name); })
       .def_prop_ro(
-          "states", [](const Robot& r) { return r->states; }, "Names of the model's states, with units.")
+          "states", [](const Robot& r) { return r->names.states; }, "Names of the model's states, with units.")
       .def_prop_ro(
-          "inputs", [](const Robot& r) { return r->inputs; }, "Names of the model's inputs.")
+          "inputs", [](const Robot& r) { return r->names.inputs; }, "Names of the model's inputs.")
       .def_prop_ro(
-          "measurements", [](const Robot& r) { return r->measurements; }, "Names of what is measured.")
+          "measurements", [](const Robot& r) { return r->names.measurements; }, "Names of what is measured.")
       .def_prop_ro(
-          "outputs", [](const Robot& r) { return r->outputs; }, "Names of the model's outputs.")
+          "outputs", [](const Robot& r) { return r->names.outputs; }, "Names of the model's outputs.")
       .def_prop_ro(
-          "params", [](const Robot& r) { return r->params; }, "The model's parameters, then the effects'.")
+          "params", [](const Robot& r) { return r->names.params; }, "The model's parameters, then the effects'.")
       .def_prop_ro(
           "period_s", [](const Robot& r) { return r->config.period_s; }, "Of the control tick.")
       .def_prop_ro(
@@ -167,9 +167,9 @@ void bind_robot(nb::module_& m) {
           "The quadratic terms of the task's cost of one step in state x under input u; with `params` (np) those of the "
           "model's outputs too.")
       .def("__repr__", [](const Robot& r) {
-        return "<tiller.Robot " + r->name + ": model " + r->model->name + ", " + std::to_string(r->states.size()) +
-               " states, " + std::to_string(r->inputs.size()) + " inputs, " + std::to_string(r->params.size()) +
-               " parameters>";
+        return "<tiller.Robot " + r->name + ": model " + r->config.model->name + ", " +
+               std::to_string(r->names.states.size()) + " states, " + std::to_string(r->names.inputs.size()) +
+               " inputs, " + std::to_string(r->names.params.size()) + " parameters>";
       });
 }
 

@@ -59,20 +59,20 @@ template <class T>
 void rollout(const Robot& robot, const Input<T>& x0, const Input<T>& controls, const Input<T>& params,
              const Input<T>& history, nb::ndarray<T, nb::ndim<3>, nb::c_contig, nb::device::cpu> out, int threads) {
   const Source<T> state = source<T>(x0, 1), inputs = source<T>(controls, 2), values = source<T>(params, 1);
-  check_shared(state, "x0", x0, robot->states);
-  check_shared(inputs, "U", controls, robot->inputs);
-  check_shared(values, "params", params, robot->params);
+  check_shared(state, "x0", x0, robot->names.states);
+  check_shared(inputs, "U", controls, robot->names.inputs);
+  check_shared(values, "params", params, robot->names.params);
   const Source<T> before = source<T>(history, 2);
-  check_shared(before, "history", history, robot->inputs);
+  check_shared(before, "history", history, robot->names.inputs);
   Batch<T> batch(robot, state, inputs, values, before, out.data(), out.shape(0),
                  static_cast<std::uint32_t>(out.shape(1) - 1));
   {
     const nb::gil_scoped_release others;
     batch.run(static_cast<unsigned>(threads), ask_keyboard);
   }
-  refuse(batch.bad_state(), "x0", x0, robot->states);
-  refuse(batch.bad_control(), "U", controls, robot->inputs);
-  refuse(batch.bad_param(), "params", params, robot->params);
+  refuse(batch.bad_state(), "x0", x0, robot->names.states);
+  refuse(batch.bad_control(), "U", controls, robot->names.inputs);
+  refuse(batch.bad_param(), "params", params, robot->names.params);
 }
 
 std::uint32_t history_rows(const Robot& robot) {

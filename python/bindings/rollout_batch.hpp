@@ -64,7 +64,7 @@ class Batch {
         out_(out),
         count_(count),
         horizon_(horizon),
-        model_(*robot->model),
+        model_(*robot->config.model),
         table_(&select_rollout(model_)) {
     check_status(make_step_setup(robot->config, setup_), "rollout");
     history_.assign(history.data, history.data + (history.data ? history.width : 0));

@@ -84,7 +84,7 @@ nb::object plan(Planner& held, const Numbers& x, const Numbers& effect_state, co
 /// The model under hidden parameters, without input delays.
 struct Motion {
   Motion(const Robot& of, const Numbers& values) : robot(of), params(values.data(), values.data() + values.size()) {
-    need(values, of->params.size(), "params");
+    need(values, of->names.params.size(), "params");
     check_status(make_step_setup(of->config, setup), "Motion");
     leave_delays_out(setup);
     model = std::make_unique<ModelMotion>(of->config, setup, params);
@@ -139,7 +139,7 @@ nb::object policy_row(const Robot& robot, std::uint32_t reads, const Numbers& x,
 /// (nx) of [sim]'s sensors; 0 where there is none.
 nb::object sensor_deviations(const Robot& robot) {
   std::vector<double> sd;
-  for (const std::string& name : robot->states) {
+  for (const std::string& name : robot->names.states) {
     const auto found = robot->sim.sensor_sd.find(name);
     sd.push_back(found == robot->sim.sensor_sd.end() ? 0.0 : found->second);
   }
@@ -178,7 +178,7 @@ nb::dict training_facts(const Robot& robot) {
   d["sensor_sd"] = sensor_deviations(robot);
   d["joints"] = joints(*c.model);
   nb::dict units;
-  for (const tools::Words* names : {&robot->states, &robot->inputs})
+  for (const tools::Words* names : {&robot->names.states, &robot->names.inputs})
     for (const std::string& name : *names) units[name.c_str()] = tools::unit_of_field(name);
   d["units"] = units;
   return d;
@@ -219,26 +219,26 @@ void bind_training(nb::module_& m) {
       .def(
           "step",
           [](Motion& s, const Numbers& u) {
-            need(u, s.robot->inputs.size(), "u");
+            need(u, s.robot->names.inputs.size(), "u");
             s.model->step(u.data());
           },
           "u"_a, "One period under u (nu).")
       .def(
           "move",
           [](Motion& s, const Numbers& off) {
-            need(off, s.robot->states.size(), "off");
+            need(off, s.robot->names.states.size(), "off");
             s.model->move(off.data());
           },
           "off"_a, "Adds a difference (nx) to the state.")
       .def(
           "cost",
           [](const Motion& s, const Numbers& u, std::uint64_t step) {
-            need(u, s.robot->inputs.size(), "u");
+            need(u, s.robot->names.inputs.size(), "u");
             return tools::stage_cost(s.robot->config, step, s.model->state(), u.data(), s.params.data());
           },
           "u"_a, "step"_a)
       .def_prop_ro("readable", &Motion::readable)
-      .def_prop_ro("state", [](const Motion& s) { return copied(s.model->state(), {s.robot->states.size()}); })
+      .def_prop_ro("state", [](const Motion& s) { return copied(s.model->state(), {s.robot->names.states.size()}); })
       .def_prop_ro("effect_state",
                    [](const Motion& s) { return copied(s.model->effect_state(), {s.setup.effect_state_count}); });
   m.def("draw_params", &draw_params, "robot"_a, "seed"_a, "count"_a);

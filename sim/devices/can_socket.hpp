@@ -31,7 +31,6 @@ class CanSocket {
   bool receive(CanFrame& frame, std::int64_t timeout_us);
 
   const std::string& error() const { return error_; }
-  std::uint64_t dropped_frames() const { return dropped_frames_; }
 
  private:
   bool fail(const std::string& what);
@@ -39,7 +38,6 @@ class CanSocket {
   int fd_ = -1;
   std::string interface_;
   std::string error_;
-  std::uint64_t dropped_frames_ = 0;
 };
 
 }  // namespace tiller::sim

@@ -180,7 +180,6 @@ MoteusAxis::Event MoteusAxis::act(const std::map<std::uint32_t, double>& written
   const double wanted_rev = written.count(0x020) != 0 ? get(0x020, position_rev) : 0;
   torque_Nm_ = get(0x022, 0) + get(0x023, 1) * kKp_Nm_rev * (wanted_rev - position_rev) +
                get(0x024, 1) * kKd_Nms_rev * (get(0x021, 0) - velocity_rev_s);
-  validity_s_ = get(0x027, 0);
   return Event::kTorque;
 }
 

@@ -35,8 +35,6 @@ class MoteusAxis final : public DriveAxis {
     fault_ = code;
   }
   int mode() const { return mode_; }
-  /// For how long the last command is valid, as it said; 0: as configured.
-  double validity_s() const { return validity_s_; }
   std::uint64_t ignored_frames() const { return ignored_frames_; }
 
  private:
@@ -53,7 +51,6 @@ class MoteusAxis final : public DriveAxis {
   int mode_ = kStopped;
   int fault_ = 0;
   double torque_Nm_ = 0;
-  double validity_s_ = 0;
   std::uint64_t ignored_frames_ = 0;
 };
 

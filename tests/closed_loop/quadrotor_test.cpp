@@ -35,7 +35,7 @@ RunResult run(const RobotFile& robot, double seconds, const std::string& log = "
   RunOptions options;
   options.seconds = seconds;
   options.quiet = true;
-  options.log = log;
+  options.files.log = log;
   return run_robot(robot, *link, options);
 }
 
@@ -69,7 +69,7 @@ TEST_P(Quadrotor, RecoversFromEveryAttitude) {
     c.cost.reference_steps = 0;
     write_quaternion(from_roll_pitch_yaw(roll, pitch, yaw), c.initial_state + 3);
     c.initial_state[10] = 2;
-    for (std::uint32_t i = 0; i < 13; ++i) robot->sim.state[robot->states[i]] = c.initial_state[i];
+    for (std::uint32_t i = 0; i < 13; ++i) robot->sim.state[robot->names.states[i]] = c.initial_state[i];
     c.cost.target[2] = c.initial_state[2];
     const RunResult result = run(*robot, 3);
     EXPECT_EQ(result.exit_code, 0);
@@ -105,7 +105,7 @@ TEST(QuadrotorBounds, SqpKeepsABoundOnASpeed) {
   constexpr int kSideways = 8;
   const std::string log = testing::TempDir() + "/quadrotor_bound.csv";
   const auto robot = open(2);
-  ASSERT_EQ(robot->states[kSideways], "y_m_s");
+  ASSERT_EQ(robot->names.states[kSideways], "y_m_s");
   robot->config.planner.kind = tiller_planner_sqp;
   EXPECT_EQ(run(*robot, 8, log).exit_code, 0);
   EXPECT_GT(largest(log, "true.y_m_s"), 1.8);

@@ -31,25 +31,24 @@ extern const PosteriorTable dummy_posterior;
 const PosteriorTable dummy_posterior = {lay_out_engine};
 }  // namespace tiller
 """
-TRANSPORT = """#include "tools/links/transport.hpp"
+TRANSPORT = """#include "tools/links/transport_link.hpp"
 
 namespace tiller::tools {
 namespace {
-class Dummy final : public HostTransport {
+constexpr tiller_transport_t kTable = {};
+
+class Dummy final : public TransportLink {
  public:
-  tiller_status_t open(const RobotFile&, const TransportLinkOptions&, OpenError& problem) override {
+  Dummy(const RobotFile& robot, const TransportLinkOptions& options) : TransportLink(robot, options, kTable, this) {}
+  tiller_status_t open(OpenError& problem) override {
     std::snprintf(problem.text, sizeof problem.text, "the dummy is nobody's robot");
     return tiller_status_transport_closed;
   }
-  const tiller_transport_t& table() const override { return table_; }
-  void* self() override { return this; }
-
- private:
-  tiller_transport_t table_ = {};
 };
 }  // namespace
-std::unique_ptr<HostTransport> make_dummy_transport();
-std::unique_ptr<HostTransport> make_dummy_transport() { return std::make_unique<Dummy>(); }
+std::unique_ptr<TransportLink> make_dummy_link(const RobotFile& robot, const TransportLinkOptions& options) {
+  return std::make_unique<Dummy>(robot, options);
+}
 }  // namespace tiller::tools
 """
 

@@ -13,12 +13,12 @@ void read_log(const std::string& text) {
   fuzz::Stream file(reinterpret_cast<const std::uint8_t*>(text.data()), text.size());
   tiller::tools::Log log;
   std::string error;
-  const bool good = tiller::tools::read_csv_log(file, "fuzz.csv", robot.log, *robot.model, measured, log, error);
+  const bool good = tiller::tools::read_csv_log(file, "fuzz.csv", robot.log, *robot.config.model, measured, log, error);
   fuzz::require(good == error.empty(), "a log is refused with a reason, and taken without one");
   if (!good) return;
   fuzz::check_log_shape(log);
   std::vector<std::string> warnings;
-  if (!tiller::tools::check_log(log, robot.log, *robot.model, robot.config.period_s, warnings, error)) return;
+  if (!tiller::tools::check_log(log, robot.log, *robot.config.model, robot.config.period_s, warnings, error)) return;
   for (const auto& segment : tiller::tools::split_at_gaps(log))
     fuzz::require(segment.first < segment.last && segment.last <= log.rows(), "segments lie inside of the log");
 }

@@ -31,11 +31,11 @@ inline const tiller::tools::RobotFile& robot() {
     tiller::tools::RobotFile made;
     made.path = "fuzz/robot.toml";
     made.name = "fuzz";
-    made.model = &model;
-    made.states = {states[0], states[1]};
-    made.inputs = {inputs[0]};
-    made.measurements = {states[0]};
-    made.params = {params[0], params[1], params[2]};
+    made.config.model = &model;
+    made.names.states = {states[0], states[1]};
+    made.names.inputs = {inputs[0]};
+    made.names.measurements = {states[0]};
+    made.names.params = {params[0], params[1], params[2]};
     made.config.size = sizeof(tiller_config_t);
     made.config.version = TILLER_CONFIG_VERSION;
     made.config.period_s = 0.02;

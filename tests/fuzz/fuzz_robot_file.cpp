@@ -1,7 +1,7 @@
 // The robot file's reader, checks included, trial steps not. Files that it would open in turn (models to compile,
 // trajectories, posteriors) are left out: they are programs, or have readers of their own.
 #include "fuzz.hpp"
-#include "tools/robot/robot_text.hpp"
+#include "tools/robot/robot_file.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const std::string text(reinterpret_cast<const char*>(data), size);

@@ -218,10 +218,11 @@ TEST(Fallback, RobotFileAndPosteriorFileHoldIt) {
   ASSERT_TRUE(robot) << errors << text;
   ASSERT_EQ(robot->config.param_count, c.fit.config.param_count);
   for (std::uint32_t i = c.fit.first; i < c.fit.config.param_count; ++i)
-    EXPECT_EQ(robot->config.priors[i].a, c.fit.config.priors[i].a) << robot->params[i];
+    EXPECT_EQ(robot->config.priors[i].a, c.fit.config.priors[i].a) << robot->names.params[i];
   StoredPosterior read;
   Words problems;
-  ASSERT_TRUE(parse_posterior(posterior_text(residual_posterior(c.fit, robot->params, "p")), "p.json", read, problems))
+  ASSERT_TRUE(
+      parse_posterior(posterior_text(residual_posterior(c.fit, robot->names.params, "p")), "p.json", read, problems))
       << problems.front();
   ASSERT_TRUE(take_prior(read, "p.json", *robot, problems)) << problems.front();
   EXPECT_EQ(robot->config.prior_mixture->dimension, c.fit.at.size());

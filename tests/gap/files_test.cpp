@@ -139,8 +139,8 @@ TEST(RobotWriter, EveryKindReadsBack) {
     const EffectInfo& info = effect_info(kind);
     if (info.learnt) continue;  // a network stands beside it
     std::uint32_t port = 0;
-    while (port < port_count(info.port, *robot->model) && !port_fits(info, port, *robot->model)) ++port;
-    if (port == port_count(info.port, *robot->model)) continue;
+    while (port < port_count(info.port, *robot->config.model) && !port_fits(info, port, *robot->config.model)) ++port;
+    if (port == port_count(info.port, *robot->config.model)) continue;
     Explanation x = found_in(kind);
     x.effects[0].port = port;
     for (int i = 0; i < info.param_count; ++i) {

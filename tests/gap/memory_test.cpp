@@ -7,7 +7,7 @@
 
 #include "tests/gap/synthetic.hpp"
 #include "tiller/config.hpp"
-#include "tools/gap/pipeline/engine.hpp"
+#include "tools/gap/pipeline/gap.hpp"
 
 namespace {
 std::size_t in_use = 0, most = 0;

@@ -86,7 +86,7 @@ double tracking_cost(const RobotFile& robot, std::uint64_t seed, double seconds,
   RunOptions options;
   options.seconds = seconds;
   options.quiet = true;
-  options.log = log;
+  options.files.log = log;
   const RunResult result = run_robot(now, *link, options);
   return result.exit_code == 0 ? result.cost : HUGE_VAL;
 }
@@ -104,7 +104,7 @@ TEST(ResidualLoop, NewRobotFileTracksBetter) {
     const std::string path = "residual_loop_" + std::to_string(seed) + ".csv";
     (void)tracking_cost(*before, seed, 8.0, path);
     Log log;
-    ASSERT_TRUE(read_log(path, before->log, *before->model, {0, 1}, log, error)) << error;
+    ASSERT_TRUE(read_log(path, before->log, *before->config.model, {0, 1}, log, error)) << error;
     for (Grid& grid : make_grids(log, before->log, before->config)) grids.push_back(std::move(grid));
   }
   ResidualOffer offer;

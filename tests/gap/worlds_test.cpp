@@ -63,12 +63,12 @@ TEST(Worlds, RobotFilesAreReadAndSayNothingOfTheEffect) {
     ASSERT_NE(robot, nullptr) << errors;
     EXPECT_EQ(robot->config.effect_count, 0u);
     EXPECT_EQ(made->robot_toml.find("friction"), std::string::npos);
-    EXPECT_EQ(robot->states, made->states);
-    EXPECT_EQ(robot->inputs, made->inputs);
-    EXPECT_EQ(robot->measurements, made->measured);
+    EXPECT_EQ(robot->names.states, made->states);
+    EXPECT_EQ(robot->names.inputs, made->inputs);
+    EXPECT_EQ(robot->names.measurements, made->measured);
     // the truth lies within what the file says
     for (std::size_t i = 0; i < made->answer.names.size(); ++i) {
-      const int at = tools::index_of(robot->params, made->answer.names[i]);
+      const int at = tools::index_of(robot->names.params, made->answer.names[i]);
       ASSERT_GE(at, 0) << made->answer.names[i];
       const tiller_prior_t& prior = robot->config.priors[at];
       if (prior.kind == tiller_prior_fixed) {

@@ -143,8 +143,8 @@ struct Read {
     FileErrors problems("robot.toml", text);
     RobotFile robot;
     robot.model_request.file = header;
-    for (const char* const name : Arm::Output::names) robot.outputs.emplace_back(name);
-    costs.assign(robot.outputs.size(), {0.0, 0.0, 0.0, -INFINITY, INFINITY, 0.0});
+    for (const char* const name : Arm::Output::names) robot.names.outputs.emplace_back(name);
+    costs.assign(robot.names.outputs.size(), {0.0, 0.0, 0.0, -INFINITY, INFINITY, 0.0});
     const toml::table root = toml::parse(std::string_view(text), std::string_view("robot.toml"));
     SectionReader cost(problems, "cost", "cost", root["cost"].as_table());
     (void)read_clearance(cost, robot, costs);

@@ -78,6 +78,15 @@ def test_an_adaptive_ilqr_is_the_lqr_within_the_limits_and_keeps_them_beyond():
     assert AdaptiveIlqr(physics_of(slope_of()), options(False)).command(np.array([9.0, 0.0])) == LOW
 
 
+def test_the_first_plan_leaves_a_place_where_no_small_command_helps():
+    """A mass that the square of the command pushes: from no command, iLQR finds no better one."""
+    def step(z):
+        return jnp.array([z[0] + 0.1 * z[1], 0.95 * z[1] + 0.02 * z[2]**2])
+
+    controller = AdaptiveIlqr(lambda z: (step(jnp.asarray(z)), jax.jacfwd(step)(jnp.asarray(z))), options(False))
+    assert np.abs(controller(np.array([-1.0, 0.0]), 0)) > 0.5
+
+
 # ---- a network as the prior ---------------------------------------------------------------------------
 
 

@@ -14,21 +14,14 @@ std::string write_run(const RobotFile& robot, const std::string& path, std::uint
   RunLog log(robot, false, {});
   log.open(path);
   for (std::uint64_t k = 0; k < ticks; ++k) {
-    const LoggedTick tick = tick_of(k);
+    LoggedTick tick = tick_of(k);
     const tiller_record_t& r = tick.entry.record;
-    tiller_info_t info = tick.info;
-    info.planner_iterations = r.planner_iterations;
-    std::copy(std::begin(r.state_mean), std::end(r.state_mean), info.state_mean);
-    std::copy(std::begin(r.param_mean), std::end(r.param_mean), info.param_mean);
-    std::copy(std::begin(r.param_sd), std::end(r.param_sd), info.param_sd);
-    TickView view;
-    view.time_s = tick.time_s;
-    view.measurement = r.has_measurement != 0 ? &r.measurement : nullptr;
-    view.command = &r.command;
-    view.entry = &tick.entry;
-    view.info = &info;
-    view.status = static_cast<tiller_status_t>(r.status);
-    log.add(view);
+    tick.info.planner_iterations = r.planner_iterations;
+    std::copy(std::begin(r.state_mean), std::end(r.state_mean), tick.info.state_mean);
+    std::copy(std::begin(r.param_mean), std::end(r.param_mean), tick.info.param_mean);
+    std::copy(std::begin(r.param_sd), std::end(r.param_sd), tick.info.param_sd);
+    tick.status = static_cast<tiller_status_t>(r.status);
+    log.add(tick);
   }
   EXPECT_TRUE(log.close());
   return bytes_of(path);

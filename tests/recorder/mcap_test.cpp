@@ -162,7 +162,7 @@ TEST(Mcap, OfAnotherRobotIsTold) {
   const auto robot = arm();
   const std::string bytes = write_run(*robot, folder / "run.mcap");
   RobotFile other = *robot;
-  other.measurements[1] = "rate_deg_s";
+  other.names.measurements[1] = "rate_deg_s";
   RecordedRun run;
   std::string error;
   EXPECT_FALSE(read_mcap_run(bytes, "run.mcap", other, run, error));

@@ -44,8 +44,8 @@ TEST(SimulatorFile, IsRead) {
   EXPECT_EQ(file->robot.config.priors[1].kind, tiller_prior_fixed);
   EXPECT_EQ(file->robot.config.measurement_sd[0], 0.001);
   EXPECT_EQ(file->robot.log.columns.at("position_m"), "x");
-  EXPECT_STREQ(file->robot.model->name, "puck");
-  EXPECT_STREQ(file->robot.model->state_names[1], "speed_m_s");
+  EXPECT_STREQ(file->robot.config.model->name, "puck");
+  EXPECT_STREQ(file->robot.config.model->state_names[1], "speed_m_s");
 }
 
 TEST(SimulatorFile, TakesARobotFilesPriorsAndNames) {
@@ -53,9 +53,9 @@ TEST(SimulatorFile, TakesARobotFilesPriorsAndNames) {
   const auto file = parse_simulator_file("[simulator]\ncommand = [\"sim\"]\nrobot = \"pendulum.toml\"\n",
                                          std::string(TILLER_ROBOTS) + "/x.toml", errors);
   ASSERT_TRUE(file) << errors;
-  EXPECT_STREQ(file->robot.model->name, "pendulum");
+  EXPECT_STREQ(file->robot.config.model->name, "pendulum");
   EXPECT_EQ(file->setup.names.measurements, (Words{"angle_rad"}));
-  EXPECT_EQ(file->setup.names.parameters, file->robot.params);
+  EXPECT_EQ(file->setup.names.parameters, file->robot.names.params);
 }
 
 TEST(SimulatorFile, TellsEveryError) {

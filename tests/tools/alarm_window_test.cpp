@@ -21,8 +21,8 @@ class Window : public testing::Test {
     std::string made = (fs::temp_directory_path() / "tiller-window-XXXXXX").string();
     ASSERT_NE(mkdtemp(made.data()), nullptr);
     folder_ = made;
-    robot_.measurements = {"angle_rad"};
-    robot_.inputs = {"torque_Nm"};
+    robot_.names.measurements = {"angle_rad"};
+    robot_.names.inputs = {"torque_Nm"};
     robot_.config.period_s = 0.01;
   }
   void TearDown() override { fs::remove_all(folder_); }

@@ -170,9 +170,9 @@ TEST_F(ArmingRun, AtOnceIsAsSoonAsTheDrivesAreReady) {
 TEST_F(ArmingRun, GoalsCountFromWhereTheTaskBegins) {
   const double period_s = robot_->config.period_s;
   options_.goals = {{0.0, {1.0, 0.0}, {}}, {30 * period_s, {2.0, 0.0}, {}}};
-  options_.log = ::testing::TempDir() + "/goals.csv";
+  options_.files.log = ::testing::TempDir() + "/goals.csv";
   (void)run({{40, ArmRequest::arm}});
-  std::ifstream log(options_.log);
+  std::ifstream log(options_.files.log);
   std::vector<Words> rows;
   for (std::string line; std::getline(log, line);) {
     std::istringstream cells(line);
@@ -191,11 +191,11 @@ TEST_F(ArmingRun, GoalsCountFromWhereTheTaskBegins) {
 }
 
 TEST_F(ArmingRun, RecordsReplayToTheLastBitAndLogsTeachFromTheMotionOn) {
-  options_.records = {::testing::TempDir() + "/standby.mcap", ::testing::TempDir() + "/standby.lcm"};
-  options_.log = ::testing::TempDir() + "/standby.csv";
+  options_.files.records = {::testing::TempDir() + "/standby.mcap", ::testing::TempDir() + "/standby.lcm"};
+  options_.files.log = ::testing::TempDir() + "/standby.csv";
   const RunResult r = run({{30, ArmRequest::arm}, {60, ArmRequest::disarm}, {70, ArmRequest::arm}});
   std::string error;
-  for (const std::string& path : {options_.records[0], options_.records[1], options_.log}) {
+  for (const std::string& path : {options_.files.records[0], options_.files.records[1], options_.files.log}) {
     RecordedRun recorded;
     ASSERT_TRUE(read_recorded_run(path, *robot_, recorded, error)) << error;
     ReplayResult replayed;
@@ -205,7 +205,7 @@ TEST_F(ArmingRun, RecordsReplayToTheLastBitAndLogsTeachFromTheMotionOn) {
     EXPECT_FALSE(replayed.first_estimate.found);
   }
   Log log;
-  ASSERT_TRUE(read_log(options_.log, robot_->log, *robot_->model, {0}, log, error)) << error;
+  ASSERT_TRUE(read_log(options_.files.log, robot_->log, *robot_->config.model, {0}, log, error)) << error;
   EXPECT_EQ(log.rows(), r.ticks - 32) << "ticks 1 to 32 were STANDBY: the drives get ready for three of them";
 }
 

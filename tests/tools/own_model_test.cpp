@@ -7,7 +7,6 @@
 #include <sstream>
 
 #include "tools/robot/robot_hints.hpp"
-#include "tools/robot/robot_text.hpp"
 
 namespace tiller::tools {
 namespace {

@@ -119,7 +119,8 @@ TEST(PriorEdge, WhatPhysicsAllowsIsTheCataloguesAndTheUnits) {
   ASSERT_NE(robot, nullptr) << errors;
   tiller::Config config = robot->config;
   const auto least = [&](const char* name) {
-    return physical_range(config, robot->params, static_cast<std::uint32_t>(index_of(robot->params, name))).least;
+    return physical_range(config, robot->names.params, static_cast<std::uint32_t>(index_of(robot->names.params, name)))
+        .least;
   };
   EXPECT_EQ(least("pole_mass_kg"), 0.0);
   EXPECT_EQ(least("half_length_m"), 0.0);
@@ -136,7 +137,7 @@ TEST(PriorEdge, OfAConfigurationAreItsFreeParameters) {
   std::string errors;
   const auto robot = parse_robot_file(test::kGoodRobot, "bench.toml", errors);
   ASSERT_NE(robot, nullptr) << errors;
-  const std::size_t np = robot->params.size();
+  const std::size_t np = robot->names.params.size();
   Particles particles;
   const std::vector<double> mass = posterior(kMass, 0.17, 0.002, 128);
   for (const double value : mass) {
@@ -145,14 +146,14 @@ TEST(PriorEdge, OfAConfigurationAreItsFreeParameters) {
     row[1] = value;
     particles.params.insert(particles.params.end(), row.begin(), row.end());
   }
-  const std::vector<PriorEdge> edges = find_prior_edges(robot->config, robot->params, particles);
+  const std::vector<PriorEdge> edges = find_prior_edges(robot->config, robot->names.params, particles);
   ASSERT_EQ(edges.size(), np);
   EXPECT_EQ(edges[0].side, EdgeSide::none) << "fixed";
   EXPECT_EQ(edges[2].side, EdgeSide::none);
-  EXPECT_EQ(edge_json(robot->params[1], edges[1]).dump(),
+  EXPECT_EQ(edge_json(robot->names.params[1], edges[1]).dump(),
             R"({"at":"upper bound","by":"prior",)"
             R"("text":"pole_mass_kg at its upper bound 0.15: widen the prior","value":0.15})");
-  EXPECT_TRUE(edge_json(robot->params[2], edges[2]).is_null());
+  EXPECT_TRUE(edge_json(robot->names.params[2], edges[2]).is_null());
 }
 
 TEST(PriorEdge, WithAJointPriorTheBoundsStayAndTheTailsAreNotLookedAt) {
@@ -161,15 +162,15 @@ TEST(PriorEdge, WithAJointPriorTheBoundsStayAndTheTailsAreNotLookedAt) {
   ASSERT_NE(robot, nullptr) << errors;
   Particles particles;
   for (const double value : posterior(kMass, 0.17, 0.002, 64)) {
-    std::vector<double> row(robot->params.size(), 0.5);
+    std::vector<double> row(robot->names.params.size(), 0.5);
     row[1] = value;
     row[2] = 0.9;  // four deviations from the robot file's 0.5 +- 0.1
     particles.params.insert(particles.params.end(), row.begin(), row.end());
   }
-  EXPECT_EQ(find_prior_edges(robot->config, robot->params, particles)[2].side, EdgeSide::high);
+  EXPECT_EQ(find_prior_edges(robot->config, robot->names.params, particles)[2].side, EdgeSide::high);
   const JointPrior carried(3, {1.0}, {0.1, 0.9, -0.7}, {0.01, 0, 0, 0.02, 0.03, 0, 0, 0, 0.4});  // learnt before
   robot->config.prior_mixture = &carried.mixture;
-  const std::vector<PriorEdge> edges = find_prior_edges(robot->config, robot->params, particles);
+  const std::vector<PriorEdge> edges = find_prior_edges(robot->config, robot->names.params, particles);
   EXPECT_EQ(edges[1].side, EdgeSide::high) << "the robot file's bound";
   EXPECT_EQ(edges[2].side, EdgeSide::none) << "the earlier episode's posterior is there, too";
 }

@@ -98,7 +98,7 @@ TEST_F(RefitEpisodes, ThePriorControlsAndTheLogMovesIt) {
 
 /// The same bits as `tiller identify --method simopt` from a record of the episode.
 TEST_F(RefitEpisodes, ReadsWhatIdentifyReadsOfARecord) {
-  options_.run.records = {folder_ + "/run.rec"};
+  options_.run.files.records = {folder_ + "/run.rec"};
   ASSERT_EQ(run(1, "a.json").exit_code, kExitOk);
   const RobotFile robot = without_learning(small_robot());
   Log log;
@@ -233,7 +233,7 @@ TEST_F(RefitEpisodes, AnEffectWithMemoryIsRefusedBySingleStepsAlone) {
     robot.config.effects[0] = {kind, 0};
     for (int i = 0; i < info.param_count; ++i) {
       robot.config.priors[robot.config.param_count++] = {tiller_prior_uniform, 0, 0, 0, 0.01, 0.1};
-      robot.params.emplace_back(std::string("effect.") + info.params[i].name);
+      robot.names.params.emplace_back(std::string("effect.") + info.params[i].name);
     }
     std::string error;
     EXPECT_EQ(check_refit(quick("simopt"), robot, error), info.state_count == 0) << info.name << ": " << error;

@@ -36,8 +36,9 @@ TEST(RobotFile, NamesAndModel) {
   EXPECT_EQ(robot->name, "bench");
   EXPECT_EQ(robot->config.seed, 7u);
   EXPECT_EQ(robot->config.model, tiller_find_model("cart_pole"));
-  EXPECT_EQ(join(robot->params), "cart_mass_kg, pole_mass_kg, half_length_m, cart.damping_SI, force_N.time_constant_s");
-  EXPECT_EQ(join(robot->measurements), "position_m, angle_rad");
+  EXPECT_EQ(join(robot->names.params),
+            "cart_mass_kg, pole_mass_kg, half_length_m, cart.damping_SI, force_N.time_constant_s");
+  EXPECT_EQ(join(robot->names.measurements), "position_m, angle_rad");
   EXPECT_EQ(robot->config.substeps, 2u);
   EXPECT_EQ(robot->config.integrator, static_cast<std::uint32_t>(tiller_integrator_midpoint));
 }
@@ -80,8 +81,8 @@ TEST(RobotFile, EffectsOfTheBodyAndOfSensors) {
   ASSERT_EQ(c.effect_count, 4u);
   EXPECT_EQ(c.effects[1].port, 0u);
   EXPECT_EQ(c.effects[2].port, 1u);
-  EXPECT_EQ(robot->params[4], "body.angle_rad");
-  EXPECT_EQ(robot->params[5], "angle_rad.bias_SI");
+  EXPECT_EQ(robot->names.params[4], "body.angle_rad");
+  EXPECT_EQ(robot->names.params[5], "angle_rad.bias_SI");
   EXPECT_EQ(c.priors[4].low, effect_info(tiller_effect_tilt).params[0].low);
   EXPECT_EQ(c.priors[4].high, effect_info(tiller_effect_tilt).params[0].high);
   // engines that take the measurement for the state refuse, and say so
@@ -244,7 +245,7 @@ TEST(RobotFile, MeasurementsKeepTheOrderOfTheFile) {
   std::string errors;
   const auto robot = parse_robot_file(text, "r.toml", errors);
   ASSERT_NE(robot, nullptr) << errors;
-  EXPECT_EQ(join(robot->measurements), "rate_rad_s, position_m, angle_rad");
+  EXPECT_EQ(join(robot->names.measurements), "rate_rad_s, position_m, angle_rad");
   EXPECT_EQ(robot->config.measured_state[0], 3u);
 }
 

@@ -36,7 +36,7 @@ Words cells_of(std::string row) {
 }
 
 Words columns_of(const RobotFile& robot) {
-  return cells_of(RunLog(robot, true, std::vector<double>(robot.params.size(), 1.0)).header());
+  return cells_of(RunLog(robot, true, std::vector<double>(robot.names.params.size(), 1.0)).header());
 }
 
 Words keys_of(const nlohmann::json& object) {
@@ -228,16 +228,12 @@ TEST(RunLog, HasTheReferencesRowThatIsDue) {
   const std::string path = testing::TempDir() + "/tiller_reference.csv";
   RunLog log(*robot, false, {});
   log.open(path);
-  tiller_command_t command{};
-  tiller_info_t info{};
-  TickView tick;
-  tick.command = &command;
-  tick.info = &info;
+  LoggedTick tick;
   const tiller_state_t states[] = {tiller_state_standby, tiller_state_active, tiller_state_active, tiller_state_active,
                                    tiller_state_active};
   for (const tiller_state_t state : states) {
-    ++info.ticks;
-    info.state = state;
+    ++tick.info.ticks;
+    tick.info.state = state;
     log.add(tick);
   }
   ASSERT_TRUE(log.close());

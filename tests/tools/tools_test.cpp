@@ -197,7 +197,7 @@ std::unique_ptr<RobotFile> good() {
 TEST(RunLog, HeaderNamesEveryColumnOnce) {
   const auto robot = good();
   ASSERT_NE(robot, nullptr);
-  const RunLog log(*robot, true, std::vector<double>(robot->params.size(), 1.0));
+  const RunLog log(*robot, true, std::vector<double>(robot->names.params.size(), 1.0));
   const std::string header = log.header();
   EXPECT_EQ(header.rfind("time_s,position_m,angle_rad,force_N,mean.position_m,", 0), 0u) << header;
   for (const char* column : {",sd.rate_rad_s,", ",mean.cart.damping_SI,", ",q05.pole_mass_kg,", ",q95.half_length_m,",
@@ -212,12 +212,8 @@ TEST_F(Scratch, RunLogRowsHaveTheHeadersColumns) {
   ASSERT_NE(robot, nullptr);
   RunLog log(*robot, false, {});
   log.open(folder_ + "/run.csv");
-  tiller_command_t command{};
-  tiller_info_t info{};
-  TickView tick;
-  tick.command = &command;
-  tick.info = &info;
-  info.plan_cost = NAN;
+  LoggedTick tick;
+  tick.info.plan_cost = NAN;
   log.add(tick);  // no measurement, a cost that is not a number: empty fields, not words
   ASSERT_TRUE(log.close());
   std::istringstream lines(read_all(folder_ + "/run.csv"));
@@ -234,21 +230,15 @@ TEST(Progress, BlockTellsWhatARunIsWatchedFor) {
   const auto robot = good();
   ASSERT_NE(robot, nullptr);
   Progress progress(*robot, Progress::Style::silent, 12, {1, 0.1, 0.5, 0.2, 0.01});
-  tiller_command_t command{};
-  tiller_info_t info{};
-  info.state = tiller_state_active;
-  info.effective_samples = 97;
-  info.param_mean[1] = 0.1;
-  info.param_sd[1] = 0.004;
-  double q05[TILLER_MAX_PARAMS] = {0, 0.09};
-  double q95[TILLER_MAX_PARAMS] = {0, 0.11};
-  TickView tick;
+  LoggedTick tick;
+  tick.info.state = tiller_state_active;
+  tick.info.effective_samples = 97;
+  tick.info.param_mean[1] = 0.1;
+  tick.info.param_sd[1] = 0.004;
   tick.time_s = 3;
-  tick.command = &command;
-  tick.info = &info;
   tick.tick_us = 1234;
-  tick.q05 = q05;
-  tick.q95 = q95;
+  tick.q05[1] = 0.09;
+  tick.q95[1] = 0.11;
   for (const std::string& text : {progress.block(tick), progress.line(tick)}) {
     for (const char* part :
          {"3.00", "12 s", "ACTIVE", "angle_rad", "cost", "pole_mass_kg", "0.1 +- 0.004", "97", "1.23 ms"}) {

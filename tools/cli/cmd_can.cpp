@@ -95,7 +95,7 @@ bool read_demand(const Arguments& a, CanDemand& demand, std::string& interface) 
   if (!robot) return false;
   const Words fd = actuators_with(kNeedsFd);
   for (const DriveSection& drive : robot->transport.drives) demand.fd = demand.fd || index_of(fd, drive.actuator) >= 0;
-  demand.frames_per_tick = ActuatorProtocol::kMaxFrames * static_cast<std::int64_t>(robot->inputs.size()) + 1;
+  demand.frames_per_tick = ActuatorProtocol::kMaxFrames * static_cast<std::int64_t>(robot->names.inputs.size()) + 1;
   if (interface.empty()) interface = robot->transport.interface;
   return true;
 }

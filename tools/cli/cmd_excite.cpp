@@ -51,12 +51,12 @@ bool parse_range(const std::string& text, const Words& known, const char* option
 
 bool read_limits(const Arguments& a, const RobotFile& robot, gap::ExciteOptions& options, std::string& error) {
   const tiller_safety_config_t& s = robot.config.safety;
-  for (std::uint32_t i = 0; i < robot.inputs.size(); ++i)
+  for (std::uint32_t i = 0; i < robot.names.inputs.size(); ++i)
     options.range.push_back({s.input_low[i], s.input_high[i], s.input_rate_per_s[i], s.safe_command[i]});
   int index = 0;
   double low = 0, high = 0;
   for (const std::string& text : a.limits) {
-    if (!parse_range(text, robot.inputs, "--limit", index, low, high, error)) return false;
+    if (!parse_range(text, robot.names.inputs, "--limit", index, low, high, error)) return false;
     gap::InputRange& r = options.range[static_cast<std::size_t>(index)];
     if (low < r.low || high > r.high) {
       error = "--limit " + text + ": wider than [limits] of " + robot.path + " (" + number_text(r.low) + " .. " +
@@ -65,13 +65,13 @@ bool read_limits(const Arguments& a, const RobotFile& robot, gap::ExciteOptions&
     }
     r.low = low, r.high = high;
   }
-  for (std::size_t m = 0; m < robot.measurements.size(); ++m) {
+  for (std::size_t m = 0; m < robot.names.measurements.size(); ++m) {
     const double least = s.measurement_low[m], most = s.measurement_high[m];
     if (std::isfinite(least) || std::isfinite(most))
       options.keep.push_back({robot.config.measured_state[m], least, most});
   }
   for (const std::string& text : a.keep) {
-    if (!parse_range(text, robot.states, "--keep", index, low, high, error)) return false;
+    if (!parse_range(text, robot.names.states, "--keep", index, low, high, error)) return false;
     options.keep.push_back({static_cast<std::uint32_t>(index), low, high});
   }
   return true;
@@ -93,7 +93,7 @@ bool read_candidates(const Arguments& a, const RobotFile& robot, std::vector<Riv
 
 /// Plain enough for any player: time and inputs, each in force until the next row.
 std::string csv_of(const RobotFile& robot, const Proposal& p) {
-  std::string text = "time_s," + join(robot.inputs, ",") + "\n";
+  std::string text = "time_s," + join(robot.names.inputs, ",") + "\n";
   for (std::size_t k = 0; k < p.sequence.points(); ++k) {
     text += format("%.6f", p.sequence.period_s * static_cast<double>(k));
     for (std::uint32_t i = 0; i < p.sequence.inputs; ++i)
@@ -138,9 +138,9 @@ std::string pairs_text(const Arguments& a, const Proposal& p) {
 
 std::string reach_text(const RobotFile& robot, const Proposal& p) {
   std::string text = "\nreached by any candidate and any draw of the priors:";
-  for (std::size_t i = 0; i < robot.states.size(); ++i)
-    text += format(" %s %s%s", robot.states[i].c_str(), interval_text(p.state_low[i], p.state_high[i], 3).c_str(),
-                   i + 1 < robot.states.size() ? "," : "\n");
+  for (std::size_t i = 0; i < robot.names.states.size(); ++i)
+    text += format(" %s %s%s", robot.names.states[i].c_str(), interval_text(p.state_low[i], p.state_high[i], 3).c_str(),
+                   i + 1 < robot.names.states.size() ? "," : "\n");
   return text;
 }
 
@@ -157,7 +157,8 @@ int write_csv(const Arguments& a, const RobotFile& robot, const Proposal& p) {
   std::string error;
   if (!replace_file(a.out, csv_of(robot, p), error)) return complain(error);
   std::printf("\nsequence: %s, %.1f s, rms", a.out.c_str(), p.sequence.seconds());
-  for (std::size_t i = 0; i < robot.inputs.size(); ++i) std::printf(" %s %.3g", robot.inputs[i].c_str(), p.rms[i]);
+  for (std::size_t i = 0; i < robot.names.inputs.size(); ++i)
+    std::printf(" %s %.3g", robot.names.inputs[i].c_str(), p.rms[i]);
   const double repeats = std::ceil(p.record_s / a.seconds);
   std::printf("\nrecord for %s", duration(std::max(p.record_s, std::min(a.seconds, p.sequence.seconds()))).c_str());
   if (repeats > 1) std::printf(" (%.0f times the sequence)", repeats);

@@ -177,7 +177,7 @@ bool add_residual(const GapOptions& options, const RobotFile& robot, const gap::
   search.stop = &stop_requested;
   search.begins = [&robot](std::uint32_t joint) {
     std::fprintf(stderr, "gap: learning what is left at %s as a force without a name\n",
-                 robot.model->joints[joint].name);
+                 robot.config.model->joints[joint].name);
   };
   constexpr double kVeryStrong_nats = 10.0;
   if (!gap::load_logs(robot, options.find.logs, options.find.most_steps, false, logs, grids, nullptr, scratch))

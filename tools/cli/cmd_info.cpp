@@ -37,11 +37,11 @@ std::string prior_text(const tiller_prior_t& p) {
 /// "|x_N, y_N| <= 2 + 0.5 z_N"
 std::string cone_text(const RobotFile& robot, const tiller_input_cone_t& cone) {
   Words norm;
-  for (std::size_t i = 0; i < robot.inputs.size(); ++i)
-    if ((cone.inputs >> i) & 1u) norm.push_back(robot.inputs[i]);
+  for (std::size_t i = 0; i < robot.names.inputs.size(); ++i)
+    if ((cone.inputs >> i) & 1u) norm.push_back(robot.names.inputs[i]);
   std::string radius = cone.limit > 0.0 || !(cone.slope > 0.0) ? number_text(cone.limit) : "";
   if (cone.slope > 0.0)
-    radius += (radius.empty() ? "" : " + ") + number_text(cone.slope) + " " + robot.inputs[cone.axis];
+    radius += (radius.empty() ? "" : " + ") + number_text(cone.slope) + " " + robot.names.inputs[cone.axis];
   return "|" + join(norm) + "| <= " + radius;
 }
 
@@ -53,8 +53,8 @@ void print_cost(const RobotFile& robot) {
   if (c.terminal == tiller_terminal_lqr) terms.emplace_back("LQR cost-to-go at the end");
   if (c.saturating_weight > 0) terms.emplace_back("saturating");
   Words bounded;
-  for (std::size_t i = 0; i < robot.states.size(); ++i)
-    if (c.bound_weight[i] > 0 || (c.hard_bounds >> i & 1)) bounded.push_back(robot.states[i]);
+  for (std::size_t i = 0; i < robot.names.states.size(); ++i)
+    if (c.bound_weight[i] > 0 || (c.hard_bounds >> i & 1)) bounded.push_back(robot.names.states[i]);
   if (!bounded.empty()) terms.push_back("bounds of " + join(bounded));
   for (std::uint32_t kind = 0; kind < tiller_cost_term_kind_count; ++kind) {
     const auto count =
@@ -64,13 +64,13 @@ void print_cost(const RobotFile& robot) {
   Words outputs;
   for (std::uint32_t j = 0; j < c.output_count; ++j)
     if (c.outputs[j].weight > 0 || c.outputs[j].terminal_weight > 0 || c.outputs[j].bound_weight > 0)
-      outputs.push_back(robot.outputs[j]);
+      outputs.push_back(robot.names.outputs[j]);
   if (!outputs.empty()) terms.push_back("outputs " + join(outputs));
   if (c.reference) terms.push_back(format("a reference of %.3g s", c.reference_steps * robot.config.period_s));
   if (c.demonstration_mean)
     terms.push_back(format("a demonstration of %.3g s", c.demonstration_steps * robot.config.period_s));
   if (c.own_weight > 0) terms.emplace_back("a cost of your own");
-  if (!robot.outputs.empty()) std::printf("  outputs    %s\n", join(robot.outputs).c_str());
+  if (!robot.names.outputs.empty()) std::printf("  outputs    %s\n", join(robot.names.outputs).c_str());
   std::printf("  cost       quadratic%s%s\n", terms.empty() ? "" : ", ", terms.empty() ? "" : join(terms).c_str());
 }
 
@@ -82,7 +82,7 @@ void print_joint_prior(const RobotFile& robot) {
   for (std::uint32_t c = 0; c < m->components; ++c) {
     std::string text;
     std::uint32_t j = 0;
-    for (std::size_t i = 0; i < robot.params.size(); ++i) {
+    for (std::size_t i = 0; i < robot.names.params.size(); ++i) {
       const tiller_prior_t& prior = robot.config.priors[i];
       if (prior.kind == tiller_prior_fixed) continue;
       double square = 0.0;
@@ -91,7 +91,7 @@ void print_joint_prior(const RobotFile& robot) {
         square += root * root;
       }
       const bool log = prior.kind == tiller_prior_log_normal;
-      text += format("%s%s %.4g %s %.3g", text.empty() ? "" : "; ", robot.params[i].c_str(),
+      text += format("%s%s %.4g %s %.3g", text.empty() ? "" : "; ", robot.names.params[i].c_str(),
                      from_coordinate(prior, m->mean[c * m->dimension + j]), log ? "x/" : "+-",
                      log ? std::exp(std::sqrt(square)) : std::sqrt(square));
       ++j;
@@ -103,7 +103,7 @@ void print_joint_prior(const RobotFile& robot) {
 /// Settings that differ from their default and that the chosen planner does not read.
 void print_unread(const RobotFile& robot) {
   Config plain;
-  if (tiller_config_default(&plain, robot.model) != tiller_status_ok) return;
+  if (tiller_config_default(&plain, robot.config.model) != tiller_status_ok) return;
   const std::string planner = planner_names()[robot.config.planner.kind];
   Words unread;
   for (const KeySpec& key : robot_keys()) {
@@ -143,20 +143,21 @@ int check_command(const std::string& path) {
   if (!robot) return kExitBadInput;
   const tiller_config_t& c = robot->config;
   std::printf("%s: %s is valid\n", path.c_str(), robot->name.c_str());
-  std::printf("  model      %s: states %s; inputs %s\n", robot->model->name, join(robot->states).c_str(),
-              join(robot->inputs).c_str());
+  std::printf("  model      %s: states %s; inputs %s\n", robot->config.model->name, join(robot->names.states).c_str(),
+              join(robot->names.inputs).c_str());
   std::printf("  period     %s s, %u substep(s) of %s\n", number_text(c.period_s).c_str(), c.substeps,
               integrator_names()[c.integrator].c_str());
   std::printf("  step error %s\n", step_error_text(*robot).c_str());
-  for (std::size_t i = 0; i < robot->params.size(); ++i) {
-    std::printf("  parameter  %-24s %s\n", robot->params[i].c_str(), prior_text(c.priors[i]).c_str());
+  for (std::size_t i = 0; i < robot->names.params.size(); ++i) {
+    std::printf("  parameter  %-24s %s\n", robot->names.params[i].c_str(), prior_text(c.priors[i]).c_str());
   }
   print_joint_prior(*robot);
-  for (std::size_t i = 0; i < robot->measurements.size(); ++i) {
-    std::printf("  measured   %-24s sd %s\n", robot->measurements[i].c_str(), number_text(c.measurement_sd[i]).c_str());
+  for (std::size_t i = 0; i < robot->names.measurements.size(); ++i) {
+    std::printf("  measured   %-24s sd %s\n", robot->names.measurements[i].c_str(),
+                number_text(c.measurement_sd[i]).c_str());
   }
-  for (std::size_t i = 0; i < robot->inputs.size(); ++i) {
-    std::printf("  input      %-24s %s .. %s, safe %s\n", robot->inputs[i].c_str(),
+  for (std::size_t i = 0; i < robot->names.inputs.size(); ++i) {
+    std::printf("  input      %-24s %s .. %s, safe %s\n", robot->names.inputs[i].c_str(),
                 number_text(c.safety.input_low[i]).c_str(), number_text(c.safety.input_high[i]).c_str(),
                 number_text(c.safety.safe_command[i]).c_str());
   }

@@ -29,7 +29,7 @@ struct Arguments {
   std::uint32_t episodes = 1;
   bool sim = false, arm = false, lockstep = false, real_time = false, quiet = false;
   double seconds = 0;
-  double wait_s = 10, alarm_log_s = RunOptions().alarm_log_s;
+  double wait_s = 10, alarm_log_s = RecorderOptions().alarm_log_s;
   double patience_s = TransportLinkOptions::kPatience_s;
   bool online = false;  // the particles learn within the episodes of a refitted prior
   RefitOptions refit{"posterior", {}};
@@ -92,7 +92,7 @@ bool open_link(const Arguments& a, const RobotFile& robot, Opened& opened, std::
 int report_run(const Arguments& a, const RobotFile& robot, const RunResult& result,
                const std::vector<double>& true_params) {
   if (a.report.empty()) return result.exit_code;
-  if (result.readable_log.empty()) {
+  if (result.files.readable_log.empty()) {
     complain("no report: the log that it is made from is not complete");
     return result.exit_code ? result.exit_code : static_cast<int>(kExitLogIncomplete);
   }
@@ -101,7 +101,7 @@ int report_run(const Arguments& a, const RobotFile& robot, const RunResult& resu
   const auto fault = static_cast<tiller_status_t>(result.info.first_fault);
   const std::string outcome = safe ? std::string("ended in SAFE: ") + tiller_status_text(fault) : "";
   if (write_run_facts(robot, result, {robot.name, outcome, !safe, true_params}, error) &&
-      write_report(result.readable_log, a.report, error)) {
+      write_report(result.files.readable_log, a.report, error)) {
     std::printf("report: %s\n", std::filesystem::absolute(a.report).c_str());
     return result.exit_code;
   }
@@ -118,10 +118,10 @@ std::string alarm_log_of(const Arguments& a) {
 }
 
 void tell_next_step(const Arguments& a, const RunResult& result) {
-  if (result.alarm_log.empty()) return;
-  const std::string report = std::filesystem::path(result.alarm_log).replace_extension("").string() + ".report";
-  std::printf("%.1f s about the alarm: %s\n  next: tiller gap %s %s -o %s\n", result.alarm_log_s,
-              result.alarm_log.c_str(), a.robot.c_str(), result.alarm_log.c_str(), report.c_str());
+  if (result.files.alarm_log.empty()) return;
+  const std::string report = std::filesystem::path(result.files.alarm_log).replace_extension("").string() + ".report";
+  std::printf("%.1f s about the alarm: %s\n  next: tiller gap %s %s -o %s\n", result.files.alarm_log_s,
+              result.files.alarm_log.c_str(), a.robot.c_str(), result.files.alarm_log.c_str(), report.c_str());
 }
 
 /// Time is the plant's, not the wall clock's.
@@ -165,13 +165,13 @@ EpisodesOptions episodes_options(const Arguments& a, const std::vector<Goal>& go
   options.run.seconds = a.seconds;
   options.run.threads = a.overrides.threads;
   options.run.quiet = a.quiet;
-  options.run.log = a.log;
-  options.run.records = a.records;
+  options.run.files.log = a.log;
+  options.run.files.records = a.records;
   options.run.real_time = !is_simulated(a);
   options.run.goals = goals;
   options.run.lcm_goals = lcm_goals;
-  options.run.alarm_log = a.alarm_log_s > 0 ? alarm_log_of(a) : "";
-  options.run.alarm_log_s = a.alarm_log_s;
+  options.run.files.alarm_log = a.alarm_log_s > 0 ? alarm_log_of(a) : "";
+  options.run.files.alarm_log_s = a.alarm_log_s;
   options.run.first_wait_s = a.wait_s;
   return options;
 }
@@ -278,7 +278,7 @@ int run_command(Arguments& a) {
   const EpisodesResult all = run_episodes(*robot, episodes, open);
   if (all.last.ticks == 0) return all.exit_code;
   RunOptions options;
-  options.true_params = opened.true_params;
+  options.files.true_params = opened.true_params;
   options.real_time = !is_simulated(a);
   if (a.episodes > 1) std::printf("\n%s\nthe last one: ", episodes_table(*robot, all.rows).c_str());
   std::fputs(summary(*robot, options, all.last).c_str(), stdout);
@@ -288,7 +288,7 @@ int run_command(Arguments& a) {
     if (const std::string counted = source->counters(); !counted.empty()) std::printf("  %s\n", counted.c_str());
   const std::string misfit = misfit_text(*robot, 1e-6 * all.last.pace.tick_time.quantile_us(0.5));
   if (!told && !misfit.empty()) complain(misfit);
-  if (!all.last.readable_log.empty()) std::printf("log: %s\n", all.last.readable_log.c_str());
+  if (!all.last.files.readable_log.empty()) std::printf("log: %s\n", all.last.files.readable_log.c_str());
   tell_next_step(a, all.last);
   write_histogram(a, all.last);
   const int reported = report_run(a, *robot, all.last, opened.true_params);

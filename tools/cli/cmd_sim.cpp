@@ -29,16 +29,17 @@ struct Arguments {
 bool is_same_order(const RobotFile& robot, const SimPlant& made, std::string& error) {
   Words channels;
   for (const sim::Channel& channel : made.plant->measurements()) channels.push_back(channel.name);
-  if (channels == robot.measurements) return true;
-  error = robot.path + ": [measurement] lists " + join(robot.measurements) + "; the plant serves " + join(channels) +
-          ": list these, in this order";
+  if (channels == robot.names.measurements) return true;
+  error = robot.path + ": [measurement] lists " + join(robot.names.measurements) + "; the plant serves " +
+          join(channels) + ": list these, in this order";
   return false;
 }
 
 void print_plant(const RobotFile& robot, const SimPlant& made) {
   std::printf("plant %s, seed %llu:", robot.sim.plant.c_str(), static_cast<unsigned long long>(robot.sim.seed));
-  for (std::size_t i = 0; i < robot.params.size(); ++i) {
-    if (std::isfinite(made.true_params[i])) std::printf("  %s %.4g", robot.params[i].c_str(), made.true_params[i]);
+  for (std::size_t i = 0; i < robot.names.params.size(); ++i) {
+    if (std::isfinite(made.true_params[i]))
+      std::printf("  %s %.4g", robot.names.params[i].c_str(), made.true_params[i]);
   }
   std::printf("\n");
 }

@@ -33,7 +33,7 @@ void measure_parts(const tiller_config_t& config, Report& report) {
 }
 
 void print_table(const RobotFile& robot, const Report& r) {
-  std::printf("%s: %s, %s, %u particles\n\n", robot.path.c_str(), robot.model->name,
+  std::printf("%s: %s, %s, %u particles\n\n", robot.path.c_str(), robot.config.model->name,
               planner_names()[robot.config.planner.kind].c_str(), robot.config.posterior.particles);
   std::printf("  RAM, one block                bytes  share\n");
   for (std::uint32_t i = 0; i < r.parts.count; ++i)
@@ -64,7 +64,7 @@ void print_table(const RobotFile& robot, const Report& r) {
     std::printf(
         "  (%s was not measured there: its steps count as those of %s,"
         " too few for a model with more joints)\n",
-        robot.model->name, r.stand_in.c_str());
+        robot.config.model->name, r.stand_in.c_str());
 }
 
 nlohmann::json work_json(const ModelWork& w) {
@@ -75,13 +75,13 @@ nlohmann::json work_json(const ModelWork& w) {
 void print_json(const RobotFile& robot, const Report& r) {
   nlohmann::ordered_json out;
   out["robot"] = robot.name;
-  out["model"] = robot.model->name;
+  out["model"] = robot.config.model->name;
   out["block_bytes"] = r.total;
   for (std::uint32_t i = 0; i < r.parts.count; ++i) out["parts"][r.parts.part[i].name] = r.parts.part[i].bytes;
   out["stack_bytes"] = {{"init", r.stack.init_bytes}, {"tick", r.stack.tick_bytes}};
   out["model_steps_per_tick"] = {{"mean", work_json(r.mean)}, {"most", work_json(r.most)}};
   out["cortex_m7_instructions_per_tick"] = {{"mean", r.instructions}, {"most", r.most_instructions}};
-  out["measured_on"] = r.stand_in.empty() ? std::string(robot.model->name) : r.stand_in;
+  out["measured_on"] = r.stand_in.empty() ? std::string(robot.config.model->name) : r.stand_in;
   std::printf("%s\n", out.dump(2).c_str());
 }
 

@@ -37,9 +37,9 @@ bool acts(const Log& log) {
 }
 
 bool check(const RobotFile& robot, const Log& log, Words& warnings, std::string& problem) {
-  if (!check_log(log, log.map, *robot.model, robot.config.period_s, warnings, problem)) return false;
+  if (!check_log(log, log.map, *robot.config.model, robot.config.period_s, warnings, problem)) return false;
   if (log.undriven)
-    problem = log.path + ": has no inputs; a demonstration is of what was done: log " + join(robot.inputs);
+    problem = log.path + ": has no inputs; a demonstration is of what was done: log " + join(robot.names.inputs);
   else if (!acts(log))
     problem = log.path + ": every input is the same in all rows; a demonstration shows what was done and when";
   return problem.empty();
@@ -47,7 +47,7 @@ bool check(const RobotFile& robot, const Log& log, Words& warnings, std::string&
 
 /// A state must be logged, or be the speed of a logged position, or be known at the beginning.
 bool can_begin(const RobotFile& robot, const Grid& grid, std::string& error) {
-  const tiller_model_t& model = *robot.model;
+  const tiller_model_t& model = *robot.config.model;
   const auto is_logged = [&](std::uint32_t s) {
     return std::any_of(grid.state[s].begin(), grid.state[s].end(), [](double v) { return std::isfinite(v); });
   };
@@ -98,7 +98,7 @@ bool smooth(const RobotFile& robot, const Grid& grid, std::size_t least, Demonst
   d.grid = part_of(grid, smoothed.first, grid.points());
   d.state = std::move(smoothed.state);
   d.misfit = smoothed.misfit;
-  d.input.resize(robot.model->input_count, steps);
+  d.input.resize(robot.config.model->input_count, steps);
   for (Eigen::Index k = 0; k < steps; ++k)
     for (Eigen::Index i = 0; i < d.input.rows(); ++i)
       d.input(i, k) = d.grid.input[static_cast<std::size_t>(i)][static_cast<std::size_t>(k)];
@@ -151,8 +151,8 @@ json rows_of(const Eigen::MatrixXd& columns) {
 
 json demonstration_json(const RobotFile& robot, const Demonstration& d) {
   json measured = json::object();
-  for (std::size_t i = 0; i < robot.states.size(); ++i)
-    if (!d.grid.state[i].empty()) measured[robot.states[i]] = numbers(d.grid.state[i]);
+  for (std::size_t i = 0; i < robot.names.states.size(); ++i)
+    if (!d.grid.state[i].empty()) measured[robot.names.states[i]] = numbers(d.grid.state[i]);
   return {{"path", d.grid.path},        {"first_time_s", number(d.grid.first_time_s)},
           {"misfit", number(d.misfit)}, {"measured", measured},
           {"states", rows_of(d.state)}, {"inputs", rows_of(d.input)}};
@@ -162,18 +162,18 @@ std::vector<double> first(const double* values, std::size_t count) { return {val
 
 json robot_json(const RobotFile& robot) {
   const Config& config = robot.config;
-  const std::size_t nu = robot.inputs.size();
+  const std::size_t nu = robot.names.inputs.size();
   json angles = json::array(), units = json::object();
-  for (std::size_t i = 0; i < robot.states.size(); ++i) {
-    angles.push_back((robot.model->angle_mask >> i & 1u) != 0);
-    units[robot.states[i]] = unit_of_field(robot.states[i].c_str());
+  for (std::size_t i = 0; i < robot.names.states.size(); ++i) {
+    angles.push_back((robot.config.model->angle_mask >> i & 1u) != 0);
+    units[robot.names.states[i]] = unit_of_field(robot.names.states[i].c_str());
   }
-  for (const std::string& input : robot.inputs) units[input] = unit_of_field(input.c_str());
+  for (const std::string& input : robot.names.inputs) units[input] = unit_of_field(input.c_str());
   std::vector<double> change = first(config.safety.input_rate_per_s, nu);
   for (double& most : change) most *= config.period_s;
   return {{"robot", robot.name},
-          {"states", robot.states},
-          {"inputs", robot.inputs},
+          {"states", robot.names.states},
+          {"inputs", robot.names.inputs},
           {"angles", angles},
           {"units", units},
           {"planner", find_planner(config.planner.kind)->name},

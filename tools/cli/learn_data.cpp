@@ -51,8 +51,8 @@ bool load(const RobotFile& robot, const Words& paths, std::vector<Grid>& grids) 
 bool judge(const LearnData& a, const RobotFile& robot, std::string& json) {
   std::vector<Grid> grids, known;
   RobotFile all = robot;  // with a sensor for each state
-  all.config.measurement_count = robot.model->state_count;
-  for (std::uint32_t i = 0; i < robot.model->state_count; ++i) {
+  all.config.measurement_count = robot.config.model->state_count;
+  for (std::uint32_t i = 0; i < robot.config.model->state_count; ++i) {
     all.config.measured_state[i] = static_cast<std::uint8_t>(i);
     all.config.measurement_sd[i] = 1.0;
   }

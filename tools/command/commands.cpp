@@ -31,14 +31,14 @@ std::unique_ptr<RobotFile> read_robot_or_complain(const std::string& path) {
                  "even with %u substeps, and the posterior takes it for physics; shorten the period, or raise [noise] "
                  "process_sd\n",
                  path.c_str(), number_text(robot->config.period_s).c_str(), robot->substeps.advised.share,
-                 robot->states[robot->substeps.advised.worst_state].c_str(), robot->substeps.needed);
+                 robot->names.states[robot->substeps.advised.worst_state].c_str(), robot->substeps.needed);
   else if (robot && robot->config.substeps < robot->substeps.needed)
     std::fprintf(
         stderr,
         "%s: [model] substeps = %u: the integrator's error in a period is %.0f %% of the noise expected of %s, and "
         "the posterior takes it for physics; leave substeps out, or write at least %u\n",
         path.c_str(), robot->config.substeps, 100.0 * robot->substeps.configured.share,
-        robot->states[robot->substeps.configured.worst_state].c_str(), robot->substeps.needed);
+        robot->names.states[robot->substeps.configured.worst_state].c_str(), robot->substeps.needed);
   return robot;
 }
 

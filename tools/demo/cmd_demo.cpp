@@ -53,7 +53,7 @@ std::string usable_folder(const std::string& asked, bool& moved) {
 
 /// Angles count turns: upright is a multiple of 2 pi from zero.
 bool is_upright(const RobotFile& robot, const RunResult& result, double& angle_rad) {
-  const int angle = index_of(robot.states, "angle_rad");
+  const int angle = index_of(robot.names.states, "angle_rad");
   const auto& state = result.last_true_state;
   if (angle < 0 || state.empty()) return false;
   angle_rad = std::remainder(state[static_cast<std::size_t>(angle)], 2 * M_PI);
@@ -71,12 +71,12 @@ void print_intro(const RobotFile& robot) {
 
 int report_demo(const Arguments& a, const RobotFile& robot, const std::string& folder, const RunResult& result,
                 const RunStory& story) {
-  if (a.no_report || result.readable_log.empty()) return kExitOk;
+  if (a.no_report || result.files.readable_log.empty()) return kExitOk;
   const std::string page = (fs::path(folder) / "demo.html").string();
   std::printf("drawing the report ...\n");
   std::fflush(stdout);
   std::string error;
-  if (!write_run_facts(robot, result, story, error) || !write_report(result.readable_log, page, error)) {
+  if (!write_run_facts(robot, result, story, error) || !write_report(result.files.readable_log, page, error)) {
     complain(error);
     return kExitLogIncomplete;
   }
@@ -98,8 +98,8 @@ int demo_command(const Arguments& a) {
   RunOptions options;
   options.seconds = a.seconds;
   options.threads = a.overrides.threads;
-  options.log = (fs::path(folder) / "demo.csv").string();
-  options.true_params = plant->true_params;
+  options.files.log = (fs::path(folder) / "demo.csv").string();
+  options.files.true_params = plant->true_params;
   const RunResult result = run_robot(*robot, *link, options);
   if (result.exit_code == kExitBadInput) return kExitBadInput;
   double angle_rad = NAN;
@@ -109,9 +109,9 @@ int demo_command(const Arguments& a) {
              upright ? "UPRIGHT" : "NOT UPRIGHT", std::fabs(angle_rad), result.time_s, kUpright_rad);
   std::printf("\n%s\n", outcome.c_str());
   std::fputs(summary(*robot, options, result).c_str(), stdout);
-  if (!result.readable_log.empty()) std::printf("log: %s\n", fs::absolute(result.readable_log).c_str());
+  if (!result.files.readable_log.empty()) std::printf("log: %s\n", fs::absolute(result.files.readable_log).c_str());
   const int reported = report_demo(a, *robot, folder, result,
-                                   {"tiller demo: cart-pole swing-up", outcome, upright, options.true_params});
+                                   {"tiller demo: cart-pole swing-up", outcome, upright, options.files.true_params});
   if (result.exit_code != kExitOk) return result.exit_code;
   return moved ? static_cast<int>(kExitLogIncomplete) : reported;
 }

@@ -21,7 +21,7 @@ bool read_logs(const RobotFile& robot, const std::vector<std::string>& paths, st
     Log log;
     std::string problem;
     if (read_any_log(path, robot, log, problem))
-      check_log(log, log.map, *robot.model, robot.config.period_s, warnings, problem);
+      check_log(log, log.map, *robot.config.model, robot.config.period_s, warnings, problem);
     if (!problem.empty()) error += (error.empty() ? "" : "\n") + problem;
     if (log.rows() > 0)
       facts.push_back({path, log.rows(), split_at_gaps(log).size(), log.time_s.back(), median_step_s(log)});
@@ -146,7 +146,7 @@ void append_errors(const Identified& result, const RobotFile& robot, bool held_o
     text += format(
         "\nrollouts of %s on %s: RMS error (median of the absolute error),\n"
         "  share of ends inside the predictive 90 %%\n",
-        robot.model->state_names[first.states[s].state], held_out ? "the held-out logs" : "the fitted logs");
+        robot.config.model->state_names[first.states[s].state], held_out ? "the held-out logs" : "the fitted logs");
     text += format("  %-*s", longest_name(result), "model");
     for (const HorizonError& e : first.states[s].horizons)
       text += format(" %21s", format("after %g s", e.horizon_s).c_str());
@@ -174,7 +174,7 @@ void append_adequacy(const Assessed& best, const RobotFile& robot, std::string& 
   if (alarm.raised)
     text += format("  %sfrom %.3g s of data on, residuals of %s go with: %s (see docs/guide/identify.md)\n",
                    best.adequate() && std::isfinite(best.rollout_sigma) ? "something below the noise: " : "",
-                   alarm.data_s, robot.model->state_names[robot.config.measured_state[alarm.channel]],
+                   alarm.data_s, robot.config.model->state_names[robot.config.measured_state[alarm.channel]],
                    tiller_feature_name(alarm.feature));
 }
 

@@ -61,15 +61,15 @@ Candidate with_effects(const RobotFile& robot, const Stage& stage) {
   Candidate candidate;
   candidate.config = robot.config;
   candidate.config.effect_count = 0;
-  std::uint32_t count = robot.model->param_count, from = count;
-  candidate.params.assign(robot.params.begin(), robot.params.begin() + count);
+  std::uint32_t count = robot.config.model->param_count, from = count;
+  candidate.params.assign(robot.names.params.begin(), robot.names.params.begin() + count);
   for (std::uint32_t e = 0; e < robot.config.effect_count; ++e) {
     const auto params = static_cast<std::uint32_t>(effect_info(robot.config.effects[e].kind).param_count);
     if (stage[e]) {
       candidate.config.effects[candidate.config.effect_count++] = robot.config.effects[e];
       for (std::uint32_t i = 0; i < params; ++i, ++count) {
         candidate.config.priors[count] = robot.config.priors[from + i];
-        candidate.params.push_back(robot.params[from + i]);
+        candidate.params.push_back(robot.names.params[from + i]);
       }
     }
     from += params;
@@ -77,7 +77,7 @@ Candidate with_effects(const RobotFile& robot, const Stage& stage) {
   candidate.config.param_count = count;
   // a joint prior is of all parameters or of none
   if (candidate.config.effect_count < robot.config.effect_count) candidate.config.prior_mixture = nullptr;
-  candidate.name = robot.model->name + effects_name(candidate.config);
+  candidate.name = robot.config.model->name + effects_name(candidate.config);
   return candidate;
 }
 

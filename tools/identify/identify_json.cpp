@@ -61,8 +61,8 @@ json score_json(const Score& score, const RobotFile& robot) {
                           {"median_abs_end", number(e.median_end)},
                           {"rms_along", number(e.rms_along)},
                           {"coverage_90", number(e.coverage_90)}});
-    list.push_back({{"state", robot.model->state_names[state.state]},
-                    {"unit", unit_of_field(robot.model->state_names[state.state])},
+    list.push_back({{"state", robot.config.model->state_names[state.state]},
+                    {"unit", unit_of_field(robot.config.model->state_names[state.state])},
                     {"horizons", horizons},
                     {"rms_by_step", numbers(state.curve)}});
   }
@@ -73,8 +73,8 @@ json traces_json(const Score& score, const RobotFile& robot) {
   json list = json::array();
   for (const RolloutTrace& trace : score.traces)
     list.push_back({{"path", trace.path},
-                    {"state", robot.model->state_names[trace.state]},
-                    {"unit", unit_of_field(robot.model->state_names[trace.state])},
+                    {"state", robot.config.model->state_names[trace.state]},
+                    {"unit", unit_of_field(robot.config.model->state_names[trace.state])},
                     {"start_s", number(trace.start_s)},
                     {"period_s", trace.period_s},
                     {"measured", numbers(trace.measured)},
@@ -119,7 +119,7 @@ json history_json(const Fit& fit, const RobotFile& robot) {
   }
   json residuals = json::array();
   for (std::uint32_t k = 0; k < robot.config.measurement_count && !all.empty(); ++k)
-    residuals.push_back({{"name", robot.model->state_names[robot.config.measured_state[k]]},
+    residuals.push_back({{"name", robot.config.model->state_names[robot.config.measured_state[k]]},
                          {"low", series(all, [k](const Snapshot& s) { return s.residual_low[k]; })},
                          {"high", series(all, [k](const Snapshot& s) { return s.residual_high[k]; })},
                          {"rms", series(all, [k](const Snapshot& s) { return s.residual_rms[k]; })}});
@@ -156,7 +156,7 @@ json alarm_json(const Fit& fit, const RobotFile& robot) {
   const Alarm& alarm = fit.history.alarm();
   if (!alarm.raised) return nullptr;
   return {{"data_s", number(alarm.data_s)},
-          {"channel", robot.model->state_names[robot.config.measured_state[alarm.channel]]},
+          {"channel", robot.config.model->state_names[robot.config.measured_state[alarm.channel]]},
           {"feature", tiller_feature_name(alarm.feature)}};
 }
 
@@ -166,8 +166,9 @@ json trends_json(const Fit& fit, const RobotFile& robot) {
   for (std::size_t k = 0; k < fit.trends.size(); ++k) {
     const ResidualTrend& trend = fit.trends[k];
     json inputs = json::object();
-    for (std::size_t j = 0; j < trend.inputs.size(); ++j) inputs[robot.model->input_names[j]] = number(trend.inputs[j]);
-    list.push_back({{"name", robot.model->state_names[robot.config.measured_state[k]]},
+    for (std::size_t j = 0; j < trend.inputs.size(); ++j)
+      inputs[robot.config.model->input_names[j]] = number(trend.inputs[j]);
+    list.push_back({{"name", robot.config.model->state_names[robot.config.measured_state[k]]},
                     {"value", number(trend.value)},
                     {"change", number(trend.change)},
                     {"inputs", inputs}});
@@ -216,7 +217,7 @@ std::string identify_json(const RobotFile& robot, const Identified& result) {
   json out = {{"tiller", tiller_version()},
               {"robot", robot.name},
               {"robot_file", robot.path},
-              {"model", robot.model->name},
+              {"model", robot.config.model->name},
               {"period_s", robot.config.period_s},
               {"warnings", result.warnings},
               {"logs", json::array()},

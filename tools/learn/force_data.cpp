@@ -8,7 +8,7 @@
 #include "rollout/measurement.hpp"
 #include "tools/base/text.hpp"
 #include "tools/gap/fit/hypothesis.hpp"
-#include "tools/gap/pipeline/engine.hpp"
+#include "tools/gap/pipeline/gap.hpp"
 #include "tools/gap/report/robot_writer.hpp"
 #include "tools/learn/own_params.hpp"
 #include "tools/open/robot_open.hpp"
@@ -152,7 +152,7 @@ bool smooth_ground(const RobotFile& robot, const Course& course, const Ground& s
 }
 
 bool can_learn(const RobotFile& robot, std::string& error) {
-  const tiller_model_t& model = *robot.model;
+  const tiller_model_t& model = *robot.config.model;
   if (model.joint_count == 0 || model.quaternion_mask != 0) {
     error = std::string(model.name) +
             (model.joint_count == 0 ? " has no joints, so no forces to learn"
@@ -211,7 +211,7 @@ bool lay_ground(const RobotFile& robot, const std::string& text, const Course& c
   const auto refitted = parse_robot_file(ground.text, robot.path, error);
   if (!refitted || !smooth_ground(*refitted, course, ground, *refitted, ground, error)) return false;
   if (!fitted) return true;
-  ground.residual_joint = robot.model->joints[fit.joint].name;
+  ground.residual_joint = robot.config.model->joints[fit.joint].name;
   ground.residual = judge_residual(fit, course.judge, states_by(refitted->config, ground, course.judge));
   return true;
 }
@@ -226,7 +226,7 @@ bool find_catalogue(const RobotFile& robot, const std::string& text, const Cours
     const EffectInfo& info = effect_info(k);
     if (!info.unnamed) options.only.emplace_back(info.name);
   }
-  gap::Result found = gap::find_gap_on(robot.config, robot.params, course.train, {}, options);
+  gap::Result found = gap::find_gap_on(robot.config, robot.names.params, course.train, {}, options);
   std::sort(found.ranking.begin(), found.ranking.end(),
             [](const gap::Explanation& a, const gap::Explanation& b) { return a.gain_nats > b.gain_nats; });
   const auto origin = parse_robot_file(plain.text, robot.path, error);
@@ -274,7 +274,7 @@ bool smooth_beside(const RobotFile& robot, const Ground& ground, const Ground& s
 
 HeldOut judge_robot(const RobotFile& robot, const std::vector<Grid>& grids,
                     const std::vector<Eigen::MatrixXd>& states) {
-  const Vector process_sd = Eigen::Map<const Vector>(robot.config.process_sd, robot.model->state_count);
+  const Vector process_sd = Eigen::Map<const Vector>(robot.config.process_sd, robot.config.model->state_count);
   return judge_rollouts({&robot.config, member_params(robot.config), process_sd}, grids, states);
 }
 

@@ -34,14 +34,14 @@ Json judged(const HeldOut& h) {
 
 Json joints_of(const RobotFile& robot) {
   Json list = Json::array();
-  for (std::uint32_t j = 0; j < robot.model->joint_count; ++j) {
-    const tiller_joint_t& joint = robot.model->joints[j];
+  for (std::uint32_t j = 0; j < robot.config.model->joint_count; ++j) {
+    const tiller_joint_t& joint = robot.config.model->joints[j];
     const bool placed = joint.position != TILLER_NO_POSITION;
     list.push_back({{"name", joint.name},
-                    {"position", placed ? robot.states[joint.position] : std::string()},
-                    {"velocity", robot.states[joint.velocity]},
-                    {"force", robot.model->force_names[j]},
-                    {"angle", placed && ((robot.model->angle_mask >> joint.position) & 1u) != 0}});
+                    {"position", placed ? robot.names.states[joint.position] : std::string()},
+                    {"velocity", robot.names.states[joint.velocity]},
+                    {"force", robot.config.model->force_names[j]},
+                    {"angle", placed && ((robot.config.model->angle_mask >> joint.position) & 1u) != 0}});
   }
   return list;
 }
@@ -55,18 +55,18 @@ Eigen::VectorXd vector_of(const Json& list) {
 
 std::string ground_json(const RobotFile& robot, const Course& course, const Ground& ground) {
   const tiller_config_t& config = robot.config;
-  Json json = {{"format", "tiller forces"}, {"version", 1}, {"robot", robot.name}, {"model", robot.model->name}};
-  json["states"] = robot.states;
-  json["inputs"] = robot.inputs;
+  Json json = {{"format", "tiller forces"}, {"version", 1}, {"robot", robot.name}, {"model", robot.config.model->name}};
+  json["states"] = robot.names.states;
+  json["inputs"] = robot.names.inputs;
   json["joints"] = joints_of(robot);
   json["network_inputs"] = network_inputs(robot);
   json["network_outputs"] = network_outputs(robot);
   json["period_s"] = config.period_s;
   json["seconds"] = course.seconds;
-  json["configured_process_sd"] = std::vector<double>(config.process_sd, config.process_sd + robot.states.size());
+  json["configured_process_sd"] = std::vector<double>(config.process_sd, config.process_sd + robot.names.states.size());
   json["robot_text"] = ground.text;
   json["origin"] = ground.origin;
-  json["param_names"] = robot.params;
+  json["param_names"] = robot.names.params;
   json["params"] = ground.params;
   json["sensor_factor"] = ground.sensor_factor;
   json["typical"] = list_of(ground.typical);

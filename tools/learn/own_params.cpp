@@ -33,7 +33,7 @@ gap::Explanation own_params(const RobotFile& robot, const gap::ResidualFit& fit)
   const std::vector<double> centre = gap::prior_centre(robot.config);
   for (std::uint32_t p = 0; p < robot.config.param_count; ++p) {
     gap::Estimate e;
-    e.name = robot.params[p];
+    e.name = robot.names.params[p];
     e.fixed = robot.config.priors[p].kind == tiller_prior_fixed;
     e.mean = centre[p];
     own.params.push_back(e);

@@ -38,8 +38,8 @@ Words param_names(const EffectInfo& info) {
 
 int port_index(const RobotFile& robot, const EffectInfo& info, const std::string& port) {
   if (port.empty() && (info.port == PortKind::input || info.port == PortKind::body)) return 0;
-  for (std::uint32_t i = 0; i < port_count(info.port, *robot.model); ++i)
-    if (port == port_name(info.port, *robot.model, i)) return static_cast<int>(i);
+  for (std::uint32_t i = 0; i < port_count(info.port, *robot.config.model); ++i)
+    if (port == port_name(info.port, *robot.config.model, i)) return static_cast<int>(i);
   return -1;
 }
 
@@ -47,17 +47,17 @@ int port_index(const RobotFile& robot, const EffectInfo& info, const std::string
 
 bool ModelPlant::set_parameters(const RobotFile& robot, std::string& error) {
   for (const auto& [name, value] : robot.sim.parameters) {
-    const int i = index_of(robot.params, name);
-    if (i >= 0 && i < static_cast<int>(robot.model->param_count)) continue;
+    const int i = index_of(robot.names.params, name);
+    if (i >= 0 && i < static_cast<int>(robot.config.model->param_count)) continue;
     error = where(robot) + "parameters." + name + ": the model has no such parameter; it has " +
-            join(Words(robot.params.begin(), robot.params.begin() + robot.model->param_count));
+            join(Words(robot.names.params.begin(), robot.names.params.begin() + robot.config.model->param_count));
     return false;
   }
   std::mt19937_64 draws(0x6d6f'6465'6c00'0000ull + robot.sim.seed);
-  for (std::uint32_t i = 0; i < robot.model->param_count; ++i) {
+  for (std::uint32_t i = 0; i < robot.config.model->param_count; ++i) {
     std::mt19937_64 own(draws());  // one stream each: fixing one parameter leaves the others' draws as they were
     const tiller_prior_t& prior = robot.config.priors[i];
-    const auto given = robot.sim.parameters.find(robot.params[i]);
+    const auto given = robot.sim.parameters.find(robot.names.params[i]);
     double value = centre(prior);
     if (robot.sim.draw) value = draw_from_prior(prior, next_uniform, &own);
     if (given != robot.sim.parameters.end()) value = given->second;
@@ -69,7 +69,7 @@ bool ModelPlant::set_parameters(const RobotFile& robot, std::string& error) {
 
 bool ModelPlant::set_effects(const RobotFile& robot, std::string& error) {
   config_.effect_count = 0;
-  std::uint32_t row = robot.model->param_count;
+  std::uint32_t row = robot.config.model->param_count;
   for (const SimEffect& effect : robot.sim.effects) {
     const int kind = find_effect(effect.kind.c_str());
     if (kind < 0) {
@@ -110,16 +110,16 @@ bool ModelPlant::set_sensors(const RobotFile& robot, std::string& error) {
             "[[sim.effects]] kind = \"input_delay\"";
     return false;
   }
-  for (std::size_t k = 0; k < robot.measurements.size(); ++k) {
-    const auto sd = robot.sim.sensor_sd.find(robot.measurements[k]);
-    const auto step = robot.sim.sensor_step.find(robot.measurements[k]);
+  for (std::size_t k = 0; k < robot.names.measurements.size(); ++k) {
+    const auto sd = robot.sim.sensor_sd.find(robot.names.measurements[k]);
+    const auto step = robot.sim.sensor_step.find(robot.names.measurements[k]);
     if (sd != robot.sim.sensor_sd.end()) sensor_sd_[k] = sd->second;
     if (step != robot.sim.sensor_step.end()) sensor_step_[k] = step->second;
   }
   for (const auto& [name, value] : robot.sim.state) {
-    const int i = index_of(robot.states, name);
+    const int i = index_of(robot.names.states, name);
     if (i < 0) {
-      error = where(robot) + "state." + name + ": the model has no such state; it has " + join(robot.states);
+      error = where(robot) + "state." + name + ": the model has no such state; it has " + join(robot.names.states);
       return false;
     }
     state_[i] = value;
@@ -130,7 +130,7 @@ bool ModelPlant::set_sensors(const RobotFile& robot, std::string& error) {
 std::unique_ptr<ModelPlant> ModelPlant::make(const RobotFile& robot, std::string& error) {
   auto plant = std::make_unique<ModelPlant>();
   plant->config_ = robot.config;
-  std::copy(robot.config.initial_state, robot.config.initial_state + robot.model->state_count, plant->state_);
+  std::copy(robot.config.initial_state, robot.config.initial_state + robot.config.model->state_count, plant->state_);
   if (!plant->set_parameters(robot, error) || !plant->set_effects(robot, error) || !plant->set_sensors(robot, error))
     return nullptr;
   plant->config_.integrator = tiller_integrator_rk4;
@@ -140,17 +140,18 @@ std::unique_ptr<ModelPlant> ModelPlant::make(const RobotFile& robot, std::string
     error = where(robot) + tiller_status_text(status);
     return nullptr;
   }
-  plant->table_ = &select_rollout(*robot.model);
-  plant->history_.assign((plant->setup_.delay_steps + 1) * robot.model->input_count, 0.0);
+  plant->table_ = &select_rollout(*robot.config.model);
+  plant->history_.assign((plant->setup_.delay_steps + 1) * robot.config.model->input_count, 0.0);
   plant->generator_.seed(robot.sim.noise_seed ? robot.sim.noise_seed : robot.sim.seed);
-  plant->true_params_.assign(robot.params.size(), std::numeric_limits<double>::quiet_NaN());
-  std::copy(plant->params_.begin(), plant->params_.begin() + robot.model->param_count, plant->true_params_.begin());
+  plant->true_params_.assign(robot.names.params.size(), std::numeric_limits<double>::quiet_NaN());
+  std::copy(plant->params_.begin(), plant->params_.begin() + robot.config.model->param_count,
+            plant->true_params_.begin());
   // an effect that the robot file names is true where the plant has the same at the same port, else zero
-  std::uint32_t row = robot.model->param_count;
+  std::uint32_t row = robot.config.model->param_count;
   for (std::uint32_t e = 0; e < robot.config.effect_count; ++e) {
     const tiller_effect_t& asked = robot.config.effects[e];
     const int count = effect_info(asked.kind).param_count;
-    std::uint32_t own = robot.model->param_count;
+    std::uint32_t own = robot.config.model->param_count;
     for (int k = 0; k < count; ++k) plant->true_params_[row + static_cast<std::uint32_t>(k)] = 0.0;
     for (std::uint32_t h = 0; h < plant->config_.effect_count; ++h) {
       const tiller_effect_t& hidden = plant->config_.effects[h];
@@ -203,7 +204,7 @@ namespace {
 
 class ModelLink : public Link {
  public:
-  ModelLink(const RobotFile& robot, ModelPlant& plant) : plant_(plant), nx_(robot.model->state_count) {}
+  ModelLink(const RobotFile& robot, ModelPlant& plant) : plant_(plant), nx_(robot.config.model->state_count) {}
   Sensed wait(const volatile std::sig_atomic_t&) override {
     if (begun_) plant_.advance(command_);
     begun_ = true;

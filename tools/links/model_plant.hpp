@@ -24,7 +24,8 @@ class ModelPlant {
   void measure(double* out);                      ///< (ny) noise, then quantisation
   const double* state() const { return state_; }  ///< (nx) the truth
   std::int64_t time_us() const { return time_us_; }
-  const std::vector<double>& true_params() const { return true_params_; }  ///< by robot.params; NaN: no such thing
+  /// By robot.names.params; NaN: no such thing.
+  const std::vector<double>& true_params() const { return true_params_; }
 
  private:
   bool set_parameters(const RobotFile& robot, std::string& error);

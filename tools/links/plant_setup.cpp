@@ -33,7 +33,7 @@ sim::HiddenEffect hidden_effect(const RobotFile& robot, const tiller_effect_t& e
   const EffectInfo& info = effect_info(effect.kind);
   sim::HiddenEffect hidden;
   hidden.kind = info.name;
-  if (info.port != PortKind::body) hidden.port = port_name(info.port, *robot.model, effect.port);
+  if (info.port != PortKind::body) hidden.port = port_name(info.port, *robot.config.model, effect.port);
   for (int i = 0; i < info.param_count; ++i) hidden.parameters[info.params[i].name] = values ? values[i] : 0.0;
   return hidden;
 }
@@ -51,10 +51,10 @@ std::vector<double> draw_all(const RobotFile& robot) {
 
 void apply_draw(const RobotFile& robot, const sim::MechanismInfo& info, sim::PlantOptions& options) {
   const std::vector<double> values = draw_all(robot);
-  for (std::uint32_t i = 0; i < robot.model->param_count; ++i) {
-    if (knows_parameter(info, robot.params[i])) options.parameters.emplace(robot.params[i], values[i]);
+  for (std::uint32_t i = 0; i < robot.config.model->param_count; ++i) {
+    if (knows_parameter(info, robot.names.params[i])) options.parameters.emplace(robot.names.params[i], values[i]);
   }
-  std::size_t row = robot.model->param_count;
+  std::size_t row = robot.config.model->param_count;
   for (std::uint32_t e = 0; e < robot.config.effect_count; ++e) {
     const tiller_effect_t& effect = robot.config.effects[e];
     options.effects.push_back(hidden_effect(robot, effect, &values[row]));
@@ -81,9 +81,9 @@ sim::PlantOptions plant_options(const RobotFile& robot, const sim::MechanismInfo
     else
       options.effects.push_back({effect.kind, effect.port, effect.parameters});
   }
-  for (std::size_t i = 0; i < robot.states.size(); ++i) {
+  for (std::size_t i = 0; i < robot.names.states.size(); ++i) {
     for (const sim::Channel& state : info.states) {
-      if (state.name == robot.states[i]) options.initial_state[state.name] = robot.config.initial_state[i];
+      if (state.name == robot.names.states[i]) options.initial_state[state.name] = robot.config.initial_state[i];
     }
   }
   for (const auto& [name, value] : s.state) options.initial_state[name] = value;
@@ -114,7 +114,7 @@ Words channel_names(const std::vector<sim::Channel>& channels) {
 
 bool connect(const RobotFile& robot, SimPlant& made, std::string& error) {
   const sim::Plant& plant = *made.plant;
-  for (const std::string& name : robot.measurements) {
+  for (const std::string& name : robot.names.measurements) {
     const int channel = channel_index(plant.measurements(), name);
     if (channel < 0) {
       error = where(robot) + "the plant " + robot.sim.plant + " does not measure " + name +
@@ -123,12 +123,12 @@ bool connect(const RobotFile& robot, SimPlant& made, std::string& error) {
     }
     made.measured_from.push_back(static_cast<std::size_t>(channel));
   }
-  if (channel_names(plant.commands()) != robot.inputs) {
+  if (channel_names(plant.commands()) != robot.names.inputs) {
     error = where(robot) + "the plant " + robot.sim.plant + " takes " + join(channel_names(plant.commands())) +
-            ", the model has " + join(robot.inputs) + "; name a plant with the model's inputs\n";
+            ", the model has " + join(robot.names.inputs) + "; name a plant with the model's inputs\n";
     return false;
   }
-  for (const std::string& name : robot.states) made.state_from.push_back(channel_index(plant.states(), name));
+  for (const std::string& name : robot.names.states) made.state_from.push_back(channel_index(plant.states(), name));
   return true;
 }
 
@@ -142,8 +142,8 @@ double true_effect(const sim::PlantOptions& options, const sim::HiddenEffect& as
 }
 
 void note_truth(const RobotFile& robot, SimPlant& made) {
-  for (std::uint32_t i = 0; i < robot.model->param_count; ++i) {
-    made.true_params.push_back(made.plant->parameter(robot.params[i]));
+  for (std::uint32_t i = 0; i < robot.config.model->param_count; ++i) {
+    made.true_params.push_back(made.plant->parameter(robot.names.params[i]));
   }
   for (std::uint32_t e = 0; e < robot.config.effect_count; ++e) {
     const tiller_effect_t& effect = robot.config.effects[e];
@@ -163,7 +163,7 @@ void set_true_effect(RobotFile& robot, const tiller_effect_t& effect, const doub
   const EffectInfo& info = effect_info(effect.kind);
   SimEffect truth;
   truth.kind = info.name;
-  if (info.port != PortKind::body) truth.port = port_name(info.port, *robot.model, effect.port);
+  if (info.port != PortKind::body) truth.port = port_name(info.port, *robot.config.model, effect.port);
   for (int i = 0; i < info.param_count; ++i) truth.parameters[info.params[i].name] = values[i];
   auto& all = robot.sim.effects;
   const auto replaced = [&](const SimEffect& old) {
@@ -178,9 +178,9 @@ void set_true_effect(RobotFile& robot, const tiller_effect_t& effect, const doub
 void set_true_params(RobotFile& robot, const double* params) {
   robot.sim.draw = false;
   if (robot.sim.line == 0) robot.sim.plant = "model";
-  for (std::uint32_t p = 0; p < robot.model->param_count; ++p)
-    if (!std::isnan(params[p])) robot.sim.parameters[robot.params[p]] = params[p];
-  const double* row = params + robot.model->param_count;
+  for (std::uint32_t p = 0; p < robot.config.model->param_count; ++p)
+    if (!std::isnan(params[p])) robot.sim.parameters[robot.names.params[p]] = params[p];
+  const double* row = params + robot.config.model->param_count;
   for (std::uint32_t e = 0; e < robot.config.effect_count; ++e) {
     const int count = effect_info(robot.config.effects[e].kind).param_count;
     if (count > 0 && !std::isnan(row[0])) set_true_effect(robot, robot.config.effects[e], row);

@@ -21,7 +21,7 @@ struct SimPlant {
 /// drawn from it by the seed; what [sim] itself gives goes before. Null with a message in `error`.
 std::unique_ptr<SimPlant> make_sim_plant(const RobotFile& robot, std::string& error);
 
-/// The plant's truth in the place of what [sim] says of it, params (np) in the order of robot.params: a number stands
+/// The plant's truth in the place of what [sim] says of it, params (np) in the order of the robot's: a number stands
 /// for [sim]'s, and NaN leaves that. An effect is set where its first parameter is a number. Nothing is drawn then, and
 /// where there is no [sim] the plant is the model.
 void set_true_params(RobotFile& robot, const double* params);

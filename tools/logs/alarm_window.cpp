@@ -23,8 +23,8 @@ void AlarmWindow::begin(const std::string& path, double seconds) {
   wanted_s_ = seconds;
   file_.open(path);
   Words columns = {"time_s"};
-  columns.insert(columns.end(), robot_.measurements.begin(), robot_.measurements.end());
-  columns.insert(columns.end(), robot_.inputs.begin(), robot_.inputs.end());
+  columns.insert(columns.end(), robot_.names.measurements.begin(), robot_.names.measurements.end());
+  columns.insert(columns.end(), robot_.names.inputs.begin(), robot_.names.inputs.end());
   file_.write(join(columns, ",") + "\n");
   open_ = true;
 }
@@ -57,7 +57,7 @@ void AlarmWindow::add(const tiller_record_t& record) {
 
 /// Time-weighted; before the first command that is known, that one.
 void AlarmWindow::mean_input(std::int64_t begin_us, std::int64_t end_us, double* mean) const {
-  const std::size_t nu = robot_.inputs.size();
+  const std::size_t nu = robot_.names.inputs.size();
   std::fill(mean, mean + nu, 0.0);
   for (std::size_t k = 0; k < commands_.size(); ++k) {
     const std::int64_t from = k == 0 ? begin_us : std::max(begin_us, commands_[k].from_us);
@@ -79,8 +79,8 @@ void AlarmWindow::write_row(std::int64_t end_us) {
     if (!std::isfinite(value)) return;  // an empty field is a missing value
     row.append(text, static_cast<std::size_t>(std::snprintf(text, sizeof text, "%.10g", value)));
   };
-  for (std::size_t i = 0; i < robot_.measurements.size(); ++i) number(measurement_.value[i]);
-  for (std::size_t i = 0; i < robot_.inputs.size(); ++i) number(mean[i]);
+  for (std::size_t i = 0; i < robot_.names.measurements.size(); ++i) number(measurement_.value[i]);
+  for (std::size_t i = 0; i < robot_.names.inputs.size(); ++i) number(mean[i]);
   file_.write(row + "\n");
   ++rows_;
 }

@@ -158,8 +158,8 @@ void take_topics(const Channels& channels, const std::vector<LogColumn>& columns
 
 bool read_channels_log(const std::string& path, const RobotFile& robot, const std::vector<int>& measured, Log& log,
                        std::string& error) {
-  begin_log(path, robot.log, *robot.model, log);
-  std::vector<LogColumn> columns = log_columns(log.map, *robot.model, measured, !log.map.undriven);
+  begin_log(path, robot.log, *robot.config.model, log);
+  std::vector<LogColumn> columns = log_columns(log.map, *robot.config.model, measured, !log.map.undriven);
   Channels channels;
   if (!run_tool(path, columns, channels, error)) return false;
   if (channels.topics) {  // stamps are the messages'
@@ -170,7 +170,7 @@ bool read_channels_log(const std::string& path, const RobotFile& robot, const st
                   columns.end());
   }
   LogProblems problems(path);
-  log.undriven = is_undriven(log.map, *robot.model, channels.names);
+  log.undriven = is_undriven(log.map, *robot.config.model, channels.names);
   if (!channels.note.empty()) add_note(channels.note, log);
   if (has_all(channels, columns, log, problems)) {
     if (channels.topics)
@@ -183,7 +183,7 @@ bool read_channels_log(const std::string& path, const RobotFile& robot, const st
   words.stamps = channels.topics ? "" : "column '" + log.map.time + "': ";
   words.repeated = "delete one of the rows";
   words.backwards = "if two runs were joined, give them as two files";
-  const bool good = finish_log(words, *robot.model, log, problems);
+  const bool good = finish_log(words, *robot.config.model, log, problems);
   error = problems.text();
   return good;
 }

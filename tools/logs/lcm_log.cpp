@@ -34,15 +34,16 @@ void LcmLog::event(const char* channel, std::int64_t now_us, const LcmType& type
 
 void LcmLog::add(const RecordEntry& entry, const tiller_info_t& info, const LogState& log) {
   const tiller_record_t& r = entry.record;
-  const auto count = [](std::size_t n) { return static_cast<std::uint32_t>(n); };
+  const tiller_config_t& c = robot_.config;
+  const std::uint32_t nx = c.model->state_count, nu = c.model->input_count, ny = c.measurement_count;
   if (r.has_measurement != 0) {
-    const LcmMeasurement measurement = lcm_message(r.measurement, count(robot_.measurements.size()));
-    event("MEASUREMENT", r.now_us, lcm_measurement_type(count(robot_.measurements.size())), &measurement);
+    const LcmMeasurement measurement = lcm_message(r.measurement, ny);
+    event("MEASUREMENT", r.now_us, lcm_measurement_type(ny), &measurement);
   }
-  const LcmCommand command = lcm_message(r.command, count(robot_.inputs.size()));
-  event("COMMAND", r.now_us, lcm_command_type(count(robot_.inputs.size())), &command);
-  const LcmTelemetry telemetry = lcm_message(info, r.now_us, robot_.model->state_count, robot_.config.param_count, log);
-  event("TELEMETRY", r.now_us, lcm_telemetry_type(robot_.model->state_count, robot_.config.param_count), &telemetry);
+  const LcmCommand command = lcm_message(r.command, nu);
+  event("COMMAND", r.now_us, lcm_command_type(nu), &command);
+  const LcmTelemetry telemetry = lcm_message(info, r.now_us, nx, c.param_count, log);
+  event("TELEMETRY", r.now_us, lcm_telemetry_type(nx, c.param_count), &telemetry);
   if (info.force_joints == 0) return;
   const LcmForces forces = lcm_forces(info, r.now_us);
   event("FORCES", r.now_us, kLcmForcesType, &forces);

@@ -74,7 +74,7 @@ std::string log_format(const std::string& path) { return format_of(path).reader;
 bool read_csv_format(const std::string& path, const RobotFile& robot, const std::vector<int>& measured, Log& log,
                      std::string& error) {
   std::ifstream file;
-  return open_log(file, path, error) && read_csv_log(file, path, robot.log, *robot.model, measured, log, error);
+  return open_log(file, path, error) && read_csv_log(file, path, robot.log, *robot.config.model, measured, log, error);
 }
 
 bool read_lcm_format(const std::string& path, const RobotFile& robot, const std::vector<int>&, Log& log,

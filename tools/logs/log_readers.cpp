@@ -67,7 +67,7 @@ bool read_lcm_log(std::istream& file, const std::string& path, const RobotFile& 
   std::string damage;
   if (!read_lcm_messages(file, path, robot, sink, damage, error)) return false;
   sink.note(damage);
-  return rows.finish(path, "measurements that a command answers", *robot.model, log, error);
+  return rows.finish(path, "measurements that a command answers", *robot.config.model, log, error);
 }
 
 bool read_record_log(std::istream& file, const std::string& path, const RobotFile& robot, Log& log,
@@ -85,7 +85,7 @@ bool read_record_log(std::istream& file, const std::string& path, const RobotFil
   RecordEntry entry;
   for (int i = 1; file.read(reinterpret_cast<char*>(&entry), sizeof entry); ++i)
     if (entry.record.has_measurement != 0) rows.add(i, entry.record.measurement, entry.record.command);
-  return rows.finish(path, kTicks, *robot.model, log, error);
+  return rows.finish(path, kTicks, *robot.config.model, log, error);
 }
 
 bool read_mcap_log(const std::string& bytes, const std::string& path, const RobotFile& robot, Log& log,
@@ -100,7 +100,7 @@ bool read_mcap_log(const std::string& bytes, const std::string& path, const Robo
   for (std::size_t i = 0; i < run.entries.size(); ++i)
     if (const tiller_record_t& r = run.entries[i].record; r.has_measurement != 0)
       rows.add(static_cast<int>(i + 1), r.measurement, r.command);
-  return rows.finish(path, kTicks, *robot.model, log, error);
+  return rows.finish(path, kTicks, *robot.config.model, log, error);
 }
 
 }  // namespace tiller::tools

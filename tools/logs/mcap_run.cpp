@@ -68,14 +68,14 @@ Json object_schema(const Words& integers, const Words& numbers) {
 }
 
 Json tick_schema(const RobotFile& robot) {
-  Words numbers = robot.states;
-  numbers.insert(numbers.end(), robot.params.begin(), robot.params.end());
+  Words numbers = robot.names.states;
+  numbers.insert(numbers.end(), robot.names.params.begin(), robot.names.params.end());
   Json schema = object_schema({"tick", "now_us", "status_code", "state_code", "planner_iterations", "calls",
                                "stop_status", "tick_ns", "has_measurement"},
                               {"plan_cost", "effective_samples", "noise_scale"});
   for (const char* name : {"state", "status"}) schema["properties"][name] = {{"type", "string"}};
   schema["properties"]["mean"] = object_schema({}, numbers);
-  schema["properties"]["sd"] = object_schema({}, robot.params);
+  schema["properties"]["sd"] = object_schema({}, robot.names.params);
   const Words forces = felt_forces(robot.config);
   if (forces.empty()) return schema;
   Json force = object_schema({"touched"}, {});
@@ -88,13 +88,13 @@ Json tick_schema(const RobotFile& robot) {
 
 std::string measurement_json(const RobotFile& robot, const tiller_measurement_t& m) {
   Json json = {{"stamp_us", m.stamp_us}, {"sequence", m.sequence}, {"command_latency_us", m.command_latency_us}};
-  put(json, robot.measurements, m.value);
+  put(json, robot.names.measurements, m.value);
   return json.dump();
 }
 
 std::string command_json(const RobotFile& robot, const tiller_command_t& c) {
   Json json = {{"stamp_us", c.stamp_us}, {"sequence", c.sequence}, {"plan_sequence", c.plan_sequence}};
-  put(json, robot.inputs, c.value);
+  put(json, robot.names.inputs, c.value);
   return json.dump();
 }
 
@@ -122,16 +122,16 @@ std::string tick_json(const RobotFile& robot, const RecordEntry& entry) {
                {"effective_samples", exact(r.effective_samples)},
                {"noise_scale", exact(r.noise_scale)}};
   Json mean = Json::object(), sd = Json::object();
-  put(mean, robot.states, r.state_mean);
-  put(mean, robot.params, r.param_mean);
-  put(sd, robot.params, r.param_sd);
+  put(mean, robot.names.states, r.state_mean);
+  put(mean, robot.names.params, r.param_mean);
+  put(sd, robot.names.params, r.param_sd);
   json["mean"] = mean;
   json["sd"] = sd;
   if (const Words forces = felt_forces(robot.config); !forces.empty()) json["force"] = force_json(forces, entry);
   if (entry.goal != 0) {
     Json goal = Json::object();
-    if ((entry.goal & kGoalStates) != 0) put(goal, robot.states, entry.target);
-    if ((entry.goal & kGoalOutputs) != 0) put(goal, robot.outputs, entry.output_target);
+    if ((entry.goal & kGoalStates) != 0) put(goal, robot.names.states, entry.target);
+    if ((entry.goal & kGoalOutputs) != 0) put(goal, robot.names.outputs, entry.output_target);
     json["goal"] = goal;
   }
   return json.dump();
@@ -139,12 +139,12 @@ std::string tick_json(const RobotFile& robot, const RecordEntry& entry) {
 
 bool take_measurement(const RobotFile& robot, const Json& json, tiller_measurement_t& m) {
   return take(json, "stamp_us", m.stamp_us) && take(json, "sequence", m.sequence) &&
-         take(json, "command_latency_us", m.command_latency_us) && take(json, robot.measurements, m.value);
+         take(json, "command_latency_us", m.command_latency_us) && take(json, robot.names.measurements, m.value);
 }
 
 bool take_command(const RobotFile& robot, const Json& json, tiller_command_t& c) {
   return take(json, "stamp_us", c.stamp_us) && take(json, "sequence", c.sequence) &&
-         take(json, "plan_sequence", c.plan_sequence) && take(json, robot.inputs, c.value);
+         take(json, "plan_sequence", c.plan_sequence) && take(json, robot.names.inputs, c.value);
 }
 
 /// What was set before the tick; nothing in ticks without a new goal.
@@ -152,13 +152,13 @@ bool take_goal(const RobotFile& robot, const Json& json, RecordEntry& entry) {
   if (!json.contains("goal")) return true;
   const Json& goal = json["goal"];
   if (!goal.is_object()) return false;
-  if (goal.contains(robot.states[0])) {
+  if (goal.contains(robot.names.states[0])) {
     entry.goal |= kGoalStates;
-    if (!take(goal, robot.states, entry.target)) return false;
+    if (!take(goal, robot.names.states, entry.target)) return false;
   }
-  if (robot.outputs.empty() || !goal.contains(robot.outputs[0])) return true;
+  if (robot.names.outputs.empty() || !goal.contains(robot.names.outputs[0])) return true;
   entry.goal |= kGoalOutputs;
-  return take(goal, robot.outputs, entry.output_target);
+  return take(goal, robot.names.outputs, entry.output_target);
 }
 
 /// Forces beyond the model; nothing in a log from before it had them.
@@ -181,8 +181,8 @@ bool take_tick(const RobotFile& robot, const Json& json, RecordEntry& entry) {
          take(json, "status_code", r.status) && take(json, "has_measurement", r.has_measurement) &&
          take(json, "planner_iterations", r.planner_iterations) && take(json, "calls", r.calls) &&
          take(json, "stop_status", entry.stop_status) && take(json, "tick_ns", r.tick_ns) && is_object("mean") &&
-         is_object("sd") && take(json["mean"], robot.states, r.state_mean) &&
-         take(json["mean"], robot.params, r.param_mean) && take(json["sd"], robot.params, r.param_sd) &&
+         is_object("sd") && take(json["mean"], robot.names.states, r.state_mean) &&
+         take(json["mean"], robot.names.params, r.param_mean) && take(json["sd"], robot.names.params, r.param_sd) &&
          json.contains("plan_cost") && take(json["plan_cost"], r.plan_cost) && json.contains("effective_samples") &&
          take(json["effective_samples"], r.effective_samples) && json.contains("noise_scale") &&
          take(json["noise_scale"], r.noise_scale) && take_goal(robot, json, entry) && take_forces(robot, json, entry);
@@ -203,13 +203,13 @@ void McapRun::open(const std::string& path, const tiller_config_t& config, std::
   epoch_us_ = epoch_us;
   writer_.open(path, std::string("tiller ") + tiller_version());
   const std::string texts[] = {
-      object_schema({"stamp_us", "sequence", "command_latency_us"}, robot_.measurements).dump(),
-      object_schema({"stamp_us", "sequence", "plan_sequence"}, robot_.inputs).dump(), tick_schema(robot_).dump()};
+      object_schema({"stamp_us", "sequence", "command_latency_us"}, robot_.names.measurements).dump(),
+      object_schema({"stamp_us", "sequence", "plan_sequence"}, robot_.names.inputs).dump(), tick_schema(robot_).dump()};
   std::uint16_t* ids[] = {&measurement_, &command_, &tick_};
   for (int i = 0; i < 3; ++i)
     *ids[i] = writer_.add_channel(kTopics[i], "json", writer_.add_schema(kSchemas[i], "jsonschema", texts[i]));
   writer_.add_metadata("tiller", {{"robot", robot_.name},
-                                  {"model", robot_.model->name},
+                                  {"model", robot_.config.model->name},
                                   {"version", tiller_version()},
                                   {"instruction_set", tiller_instruction_set()},
                                   {"seed", std::to_string(config.seed)}});

@@ -19,7 +19,7 @@ double seconds_between(std::int64_t from_us, std::int64_t to_us) {
 }  // namespace
 
 void MeasuredRows::begin(const RobotFile& robot, std::size_t expected) {
-  begin_log("", LogMap(), *robot.model, log_);
+  begin_log("", LogMap(), *robot.config.model, log_);
   const tiller_config_t& config = robot.config;
   measured_.assign(config.measured_state, config.measured_state + config.measurement_count);
   log_.line.reserve(expected);

@@ -71,7 +71,7 @@ bool read_measured(const std::string& path, const RobotFile& robot, RecordedRun&
       const std::vector<double>& values = log.state[robot.config.measured_state[k]];
       r.measurement.value[k] = values.empty() ? std::nan("") : values[row];
     }
-    for (std::uint32_t i = 0; i < robot.model->input_count; ++i) r.command.value[i] = answer_to(log, i, row);
+    for (std::uint32_t i = 0; i < robot.config.model->input_count; ++i) r.command.value[i] = answer_to(log, i, row);
     r.command.state = kStateUnknown;
     r.planner_iterations = kIterationsUnknown;
     r.state_mean[0] = std::nan("");

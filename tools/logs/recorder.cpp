@@ -116,24 +116,7 @@ void Recorder::take_last() {
 
 void Recorder::take(const LoggedTick& tick) {
   note_hole(tick.entry.record.tick);
-  if (!options_.log.empty()) {
-    TickView view;
-    view.time_s = tick.time_s;
-    view.measurement = tick.entry.record.has_measurement != 0 ? &tick.entry.record.measurement : nullptr;
-    view.command = &tick.entry.record.command;
-    view.entry = &tick.entry;
-    view.info = &tick.info;
-    view.status = tick.status;
-    view.tick_us = tick.tick_us;
-    view.q05 = tick.q05;
-    view.q95 = tick.q95;
-    view.true_state = tick.has_truth ? tick.true_state : nullptr;
-    view.outputs = tick.outputs;
-    view.foreseen_mean = tick.was_foreseen ? tick.foreseen_mean : nullptr;
-    view.foreseen_sd = tick.was_foreseen ? tick.foreseen_sd : nullptr;
-    view.innovation = tick.innovation;
-    log_.add(view);
-  }
+  if (!options_.log.empty()) log_.add(tick);
   for (McapRun& mcap : mcaps_) mcap.add(tick.entry);
   for (LcmLog& lcm : lcms_) lcm.add(tick.entry, tick.info, tick.log);
   for (NativeRecord& native : natives_) write_record(native.file, tick.entry);

@@ -16,29 +16,12 @@
 
 namespace tiller::tools {
 
-/// The data of a tick: plain data, copied into the ring.
-struct LoggedTick {
-  RecordEntry entry;
-  tiller_info_t info{};
-  LogState log;  ///< as it was told in this tick
-  double time_s = 0, tick_us = 0;
-  tiller_status_t status = tiller_status_ok;
-  bool alarm = false;      ///< the alarm window begins with this tick
-  bool has_truth = false;  ///< true_state is known
-  double q05[TILLER_MAX_PARAMS] = {}, q95[TILLER_MAX_PARAMS] = {};
-  double true_state[TILLER_MAX_STATES] = {};
-  double outputs[TILLER_MAX_OUTPUTS] = {};
-  bool was_foreseen = false;  ///< foreseen_mean and foreseen_sd are known
-  double foreseen_mean[TILLER_MAX_STATES] = {}, foreseen_sd[TILLER_MAX_STATES] = {};
-  double innovation[TILLER_MAX_MEASUREMENTS] = {};  ///< normalised; NaN: none
-};
-
 struct RecorderOptions {
   std::string log;  ///< CSV; empty: none
-  Words records;    ///< by their endings: .mcap, .lcm or .lcmlog, else a record of this build
-  std::string alarm_log;
-  double alarm_log_s = 20;
-  std::vector<double> true_params;
+  Words records;    ///< every input and output; by their endings: .mcap, .lcm or .lcmlog, else a record of this build
+  std::string alarm_log;            ///< CSV of the ticks about an inadequacy alarm (AlarmWindow); empty: none
+  double alarm_log_s = 20;          ///< its length
+  std::vector<double> true_params;  ///< (param_count) where the plant is in this process
   bool has_truth = false;
   std::uint32_t goals = 0;  ///< kGoalStates, kGoalOutputs: what the run will set
   /// Simulated time waits for the disk; the robot's does not, and what the ring cannot hold is dropped and counted.
@@ -49,16 +32,16 @@ struct RecorderOptions {
 
 /// Counters of results, per cause.
 struct RecorderReport {
-  std::uint64_t ticks = 0;          ///< handed over
-  std::uint64_t dropped_ticks = 0;  ///< the ring was full: the disk took longer than it holds
-  std::vector<LogHole> holes;       ///< which ones
-  std::uint64_t lost_bytes = 0;     ///< the disk refused them, and the memory for them was used up
-  std::uint64_t lost_messages = 0;  ///< of MCAP and LCM logs, among them
-  bool disk_refused = false;        ///< at any time
-  bool complete = true;             ///< every file holds everything
-  Words messages;                   ///< a sentence for each file that is not
-  std::string readable_log, alarm_log;
-  double alarm_log_s = 0;
+  std::uint64_t ticks = 0;              ///< handed over
+  std::uint64_t dropped_ticks = 0;      ///< the ring was full: the disk took longer than it holds
+  std::vector<LogHole> holes;           ///< which ones
+  std::uint64_t lost_bytes = 0;         ///< the disk refused them, and the memory for them was used up
+  std::uint64_t lost_messages = 0;      ///< of MCAP and LCM logs, among them
+  bool disk_refused = false;            ///< at any time
+  bool complete = true;                 ///< every file holds everything
+  Words messages;                       ///< a sentence for each file that is not
+  std::string readable_log, alarm_log;  ///< where the whole CSV is, and the ticks about the alarm; empty: nowhere
+  double alarm_log_s = 0;               ///< how long they are
 };
 
 /// Writes the files of a run in a thread of its own. A tick copies 4 kB into a ring and goes on, whatever the disk

@@ -85,8 +85,8 @@ void take_measurement(const RobotFile& robot, CsvRow& row, tiller_measurement_t&
   row.integer("sequence", m.sequence);
   row.integer("command_latency_us", m.command_latency_us);
   row.integer("infinite", infinite);
-  row.numbers("", robot.measurements, m.value);
-  for (std::size_t i = 0; i < robot.measurements.size(); ++i)
+  row.numbers("", robot.names.measurements, m.value);
+  for (std::size_t i = 0; i < robot.names.measurements.size(); ++i)
     if ((infinite >> i & 1u) != 0)
       m.value[i] = (infinite >> (16 + i) & 1u) != 0 ? -std::numeric_limits<double>::infinity()
                                                     : std::numeric_limits<double>::infinity();
@@ -94,11 +94,11 @@ void take_measurement(const RobotFile& robot, CsvRow& row, tiller_measurement_t&
 
 /// Parameters that are fixed have no columns.
 void take_parameters(const RobotFile& robot, CsvRow& row, tiller_record_t& r) {
-  for (std::size_t i = 0; i < robot.params.size(); ++i) {
+  for (std::size_t i = 0; i < robot.names.params.size(); ++i) {
     r.param_mean[i] = robot.config.priors[i].a;
     if (robot.config.priors[i].kind == tiller_prior_fixed) continue;
-    row.number("mean." + robot.params[i], r.param_mean[i]);
-    row.number("sd." + robot.params[i], r.param_sd[i]);
+    row.number("mean." + robot.names.params[i], r.param_mean[i]);
+    row.number("sd." + robot.names.params[i], r.param_sd[i]);
   }
 }
 
@@ -106,8 +106,8 @@ void take_parameters(const RobotFile& robot, CsvRow& row, tiller_record_t& r) {
 void take_goal(const RobotFile& robot, CsvRow& row, RecordEntry& entry) {
   if (!row.has("goal")) return;
   row.integer("goal", entry.goal);
-  if ((entry.goal & kGoalStates) != 0) row.numbers("goal.", robot.states, entry.target);
-  if ((entry.goal & kGoalOutputs) != 0) row.numbers("goal.", robot.outputs, entry.output_target);
+  if ((entry.goal & kGoalStates) != 0) row.numbers("goal.", robot.names.states, entry.target);
+  if ((entry.goal & kGoalOutputs) != 0) row.numbers("goal.", robot.names.outputs, entry.output_target);
 }
 
 /// Forces beyond the model; nothing in a CSV from before it had `touched` beside them.
@@ -135,8 +135,8 @@ RecordEntry entry_of(const RobotFile& robot, CsvRow& row) {
   row.word("status", r.status, statuses);
   row.word("state", r.command.state, states);
   r.command.stamp_us = r.now_us;
-  row.numbers("", robot.inputs, r.command.value);
-  row.numbers("mean.", robot.states, r.state_mean);
+  row.numbers("", robot.names.inputs, r.command.value);
+  row.numbers("mean.", robot.names.states, r.state_mean);
   take_parameters(robot, row, r);
   take_goal(robot, row, entry);
   take_forces(robot, row, entry);

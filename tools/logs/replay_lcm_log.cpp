@@ -143,7 +143,7 @@ void take_telemetry(const RobotFile& robot, const Answer& answer, RecordEntry& e
   r.effective_samples = t.effective_samples;
   r.noise_scale = t.noise_scale;
   r.tick_ns = t.tick_ns;
-  std::copy(t.state_mean, t.state_mean + robot.model->state_count, r.state_mean);
+  std::copy(t.state_mean, t.state_mean + robot.config.model->state_count, r.state_mean);
   const auto params = std::min<std::uint32_t>(robot.config.param_count, TILLER_MAX_PARAMS);
   std::copy(t.param_mean, t.param_mean + params, r.param_mean);
   std::copy(t.param_sd, t.param_sd + params, r.param_sd);
@@ -164,7 +164,7 @@ RecordEntry entry_of(const RobotFile& robot, const Answer& answer, bool lockstep
   r.command.sequence = static_cast<std::uint32_t>(c.sequence);
   r.command.state = static_cast<std::uint32_t>(c.state);
   r.command.plan_sequence = static_cast<std::uint32_t>(c.plan_sequence);
-  std::copy(c.value, c.value + robot.model->input_count, r.command.value);
+  std::copy(c.value, c.value + robot.config.model->input_count, r.command.value);
   const bool refused = answer.told && answer.has_waiting && is_refusal(answer.telemetry.status);
   r.has_measurement = answer.has_answered || refused ? 1u : 0u;
   if (r.has_measurement != 0) r.measurement = answer.has_answered ? answer.answered : answer.waiting;

@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "io/lcm_messages.hpp"
 #include "tools/base/output_file.hpp"
 #include "tools/logs/frame_forces.hpp"
 #include "tools/logs/record_file.hpp"
@@ -11,23 +12,22 @@
 
 namespace tiller::tools {
 
-/// The data of one tick, for the log, the screen and the report.
-struct TickView {
-  double time_s = 0;                                  ///< since the first measurement, robot time
-  const tiller_measurement_t* measurement = nullptr;  ///< null: nothing new
-  const RecordEntry* entry = nullptr;                 ///< null: not recorded
-  const tiller_command_t* command = nullptr;
-  const tiller_info_t* info = nullptr;
+/// The data of one tick, for the logs, the screen and the report: plain data, copied into the recorder's ring.
+struct LoggedTick {
+  RecordEntry entry;
+  tiller_info_t info{};
+  LogState log;        ///< as it was told in this tick
+  double time_s = 0;   ///< since the first measurement, robot time
+  double tick_us = 0;  ///< wall time of tiller_tick
   tiller_status_t status = tiller_status_ok;
-  double tick_us = 0;                             ///< wall time of tiller_tick
-  tiller_status_t log_status = tiller_status_ok;  ///< of this run's logs (LogState)
-  const double* q05 = nullptr;                    // (param_count)
-  const double* q95 = nullptr;                    // (param_count)
-  const double* true_state = nullptr;             // (nx); null: not known
-  const double* outputs = nullptr;                // (ny) at the estimate; null: no output has a cost
-  const double* foreseen_mean = nullptr;          // (nx) of this tick's state, as it was foreseen; null: it was not
-  const double* foreseen_sd = nullptr;            // (nx)
-  const double* innovation = nullptr;             // (measurements) normalised, NaN: none; null: not tested
+  bool alarm = false;                                               ///< the alarm window begins with this tick
+  bool has_truth = false;                                           ///< true_state is known
+  bool was_foreseen = false;                                        ///< foreseen_mean and foreseen_sd are known
+  double q05[TILLER_MAX_PARAMS] = {}, q95[TILLER_MAX_PARAMS] = {};  // (param_count)
+  double true_state[TILLER_MAX_STATES] = {};                        // (nx)
+  double outputs[TILLER_MAX_OUTPUTS] = {};                          // (ny) at the estimate
+  double foreseen_mean[TILLER_MAX_STATES] = {}, foreseen_sd[TILLER_MAX_STATES] = {};  // (nx) of this tick's state
+  double innovation[TILLER_MAX_MEASUREMENTS] = {};  // (measurements) normalised; NaN: none
 };
 
 /// Names of the forces beyond the model that the configuration's posterior estimates; none where it looks for none.
@@ -69,7 +69,7 @@ class RunLog {
   RunLog(const RobotFile& robot, bool has_true_state, std::vector<double> true_params, std::uint32_t goals = 0);
 
   void open(const std::string& path);
-  void add(const TickView& tick);
+  void add(const LoggedTick& tick);
   void flush() { file_.flush(); }
   bool close() { return file_.close(); }
   const OutputFile& file() const { return file_; }
@@ -80,9 +80,9 @@ class RunLog {
   void number(double value);
   void exact(double value);
   void reference(const tiller_info_t& info);
-  void task(const TickView& tick);
+  void task(const LoggedTick& tick);
   void forces(const tiller_info_t& info);
-  void replayed(const TickView& tick);
+  void replayed(const LoggedTick& tick);
 
   const RobotFile& robot_;
   bool has_true_state_;

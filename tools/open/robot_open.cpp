@@ -9,7 +9,6 @@
 #include "tools/open/horizon.hpp"
 #include "tools/open/robot_open.hpp"
 #include "tools/open/substeps.hpp"
-#include "tools/robot/robot_text.hpp"
 
 namespace tiller::tools {
 namespace {

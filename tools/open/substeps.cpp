@@ -148,7 +148,7 @@ std::string step_error_text(const RobotFile& robot) {
   const std::string with_needed =
       is_enough(advice) ? format("below %.1g", kStepErrorTolerance) : format("still %.2g", advice.advised.share);
   return format("%.2g of the noise expected of %s in a period (%s with %u substeps)", advice.configured.share,
-                robot.states[advice.configured.worst_state].c_str(), with_needed.c_str(), advice.needed);
+                robot.names.states[advice.configured.worst_state].c_str(), with_needed.c_str(), advice.needed);
 }
 
 }  // namespace tiller::tools

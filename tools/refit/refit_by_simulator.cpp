@@ -43,7 +43,8 @@ class Folder {
 
 bool fits(const SimulatorFile& file, const RobotFile& robot, std::string& error) {
   const SimulatorNames& names = file.setup.names;
-  if (names.parameters == robot.params && names.inputs == robot.inputs && names.measurements == robot.measurements)
+  if (names.parameters == robot.names.params && names.inputs == robot.names.inputs &&
+      names.measurements == robot.names.measurements)
     return true;
   error = file.path + ": has the parameters " + join(names.parameters) + ", inputs " + join(names.inputs) +
           ", measurements " + join(names.measurements) + ", and " + robot.path + " has others; write robot = \"" +

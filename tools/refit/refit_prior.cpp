@@ -15,12 +15,12 @@ bool is_one_step(const std::string& method) { return method == "simopt"; }
 /// Names, coordinates and sizes as store_posterior() has them; the mixture is the method's Gaussian.
 StoredPosterior of_gaussian(const RobotFile& robot, const MethodResult& found) {
   StoredPosterior out;
-  out.model = robot.model->name;
+  out.model = robot.config.model->name;
   out.created_by = std::string("tiller ") + tiller_version();
   for (std::uint32_t i = 0; i < robot.config.param_count; ++i) {
     const tiller_prior_t& prior = robot.config.priors[i];
     if (prior.kind == tiller_prior_fixed) continue;
-    out.params.push_back(robot.params[i]);
+    out.params.push_back(robot.names.params[i]);
     out.is_logarithm.push_back(prior.kind == tiller_prior_log_normal);
   }
   out.particles = static_cast<std::uint32_t>(found.simulations);
@@ -34,7 +34,7 @@ StoredPosterior of_gaussian(const RobotFile& robot, const MethodResult& found) {
 StoredPosterior of_result(const RobotFile& robot, const MethodResult& found) {
   StoredPosterior out = found.gaussian
                             ? of_gaussian(robot, found)
-                            : store_posterior(robot.config, robot.params,
+                            : store_posterior(robot.config, robot.names.params,
                                               {resample(found.params, found.weight, robot.config.param_count), {}});
   out.effective_samples = found.effective_samples;
   out.noise_scale = out.exponent = 1.0;  // the methods know of neither
@@ -87,7 +87,7 @@ RefitPrior make_refit(const RefitOptions& options) {
     const std::vector<Grid> grids = make_grids(log, LogMap(), robot.config);
     MethodProblem problem;
     problem.config = &robot.config;
-    problem.params = robot.params;
+    problem.params = robot.names.params;
     problem.grids = &grids;
     problem.options = options.how;
     if (std::isnan(problem.options.kl)) problem.options.kl = learnt_count(robot.config);

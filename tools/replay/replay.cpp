@@ -45,7 +45,7 @@ bool repeat_calls(tiller_t* controller, const RecordEntry& entry) {
 bool take_pointers(const RobotFile& robot, Config& config) {
   const tiller_cost_config_t& from = robot.config.cost;
   tiller_cost_config_t& to = config.cost;
-  config.model = robot.model;
+  config.model = robot.config.model;
   if (to.reference_steps != from.reference_steps || to.demonstration_steps != from.demonstration_steps) return false;
   to.reference = from.reference;
   to.demonstration_mean = from.demonstration_mean;
@@ -61,7 +61,7 @@ void compare(const RobotFile& robot, const RecordedRun& run, std::size_t index, 
              const tiller_info_t& info, double tolerance, ReplayResult& result) {
   const RecordEntry& entry = run.entries[index];
   double apart = result.largest;
-  const bool same = same_command(entry.record.command, replayed, robot.model->input_count, tolerance, apart);
+  const bool same = same_command(entry.record.command, replayed, robot.config.model->input_count, tolerance, apart);
   if (is_behind_a_hole(run, index, same, result)) return;
   result.largest = apart;
   const auto note = [&](Divergence& first) {
@@ -71,7 +71,7 @@ void compare(const RobotFile& robot, const RecordedRun& run, std::size_t index, 
     first.replayed = replayed;
     first.info = info;
   };
-  const std::size_t state_bytes = robot.model->state_count * sizeof(double);
+  const std::size_t state_bytes = robot.config.model->state_count * sizeof(double);
   const bool estimated = !std::isnan(entry.record.state_mean[0]);  // a log without telemetry has none
   if (estimated && std::memcmp(entry.record.state_mean, info.state_mean, state_bytes) != 0) note(result.first_estimate);
   ++result.ticks;
@@ -164,16 +164,17 @@ std::string divergence_text(const RobotFile& robot, const RecordedRun& run, cons
                    bits_text(replayed).c_str(),
                    recorded == replayed ? "" : format("  (%+.3g)", replayed - recorded).c_str());
   };
-  for (std::size_t i = 0; i < robot.inputs.size(); ++i)
-    row("command", robot.inputs[i], r.command.value[i], first.replayed.value[i]);
-  for (std::size_t i = 0; r.has_measurement != 0 && i < robot.measurements.size(); ++i)
-    text += format("  measured  %-20s %s\n", robot.measurements[i].c_str(), bits_text(r.measurement.value[i]).c_str());
+  for (std::size_t i = 0; i < robot.names.inputs.size(); ++i)
+    row("command", robot.names.inputs[i], r.command.value[i], first.replayed.value[i]);
+  for (std::size_t i = 0; r.has_measurement != 0 && i < robot.names.measurements.size(); ++i)
+    text += format("  measured  %-20s %s\n", robot.names.measurements[i].c_str(),
+                   bits_text(r.measurement.value[i]).c_str());
   if (r.has_measurement == 0) text += "  measured  nothing new\n";
-  for (std::size_t i = 0; first.has_info && i < robot.states.size(); ++i)
-    row("state", robot.states[i], r.state_mean[i], first.info.state_mean[i]);
-  for (std::size_t i = 0; first.has_info && i < robot.params.size(); ++i)
+  for (std::size_t i = 0; first.has_info && i < robot.names.states.size(); ++i)
+    row("state", robot.names.states[i], r.state_mean[i], first.info.state_mean[i]);
+  for (std::size_t i = 0; first.has_info && i < robot.names.params.size(); ++i)
     if (robot.config.priors[i].kind != tiller_prior_fixed)
-      row("parameter", robot.params[i], r.param_mean[i], first.info.param_mean[i]);
+      row("parameter", robot.names.params[i], r.param_mean[i], first.info.param_mean[i]);
   if (!first.has_info) return text;
   const Words forces = felt_forces(robot.config);
   for (std::size_t j = 0; run.entries[first.at].force_joints > 0 && j < forces.size(); ++j)

@@ -107,7 +107,8 @@ void compare(const RobotFile& robot, const RecordedRun& run, std::size_t index, 
              double tolerance, ReplayResult& result) {
   const RecordEntry& entry = run.entries[index];
   double apart = result.largest;
-  const bool same = answer && same_command(entry.record.command, *answer, robot.model->input_count, tolerance, apart);
+  const bool same =
+      answer && same_command(entry.record.command, *answer, robot.config.model->input_count, tolerance, apart);
   if (is_behind_a_hole(run, index, same, result)) return;
   result.largest = apart;
   ++result.ticks;

@@ -19,8 +19,8 @@ std::string without_index(const std::string& field, std::size_t& index) {
 Words effect_path(std::size_t effect) { return {"effects", std::to_string(effect)}; }
 
 Words prior_path(const RobotFile& robot, std::size_t param) {
-  if (param < robot.model->param_count) return {"parameters", robot.params[param]};
-  std::size_t first = robot.model->param_count;
+  if (param < robot.config.model->param_count) return {"parameters", robot.names.params[param]};
+  std::size_t first = robot.config.model->param_count;
   for (std::uint32_t e = 0; e < robot.config.effect_count; ++e) {
     const EffectInfo& info = effect_info(robot.config.effects[e].kind);
     const std::size_t end = first + static_cast<std::size_t>(info.param_count);
@@ -57,27 +57,27 @@ Words trace_field(const RobotFile& robot, const std::string& field) {
   if (name.rfind("network", 0) == 0) return {"network", "file"};
   if (name.rfind("policy", 0) == 0) return {"policy", "file"};
   if (name == "effects") return effect_path(i);
-  if (name == "measurement_sd") return {"measurement", name_at(robot.measurements, i), "sd"};
-  if (name == "measured_state") return {"measurement", name_at(robot.measurements, i)};
-  const std::string input = name_at(robot.inputs, i);
+  if (name == "measurement_sd") return {"measurement", name_at(robot.names.measurements, i), "sd"};
+  if (name == "measured_state") return {"measurement", name_at(robot.names.measurements, i)};
+  const std::string input = name_at(robot.names.inputs, i);
   if (name == "cost.terms") return term_path(robot, i);
   if (name == "safety.cones") return {"safety", "cones", std::to_string(i)};
-  if (name == "cost.state_low") return {"cost", "bounds", name_at(robot.states, i), "low"};
-  if (name == "cost.state_high") return {"cost", "bounds", name_at(robot.states, i), "high"};
-  if (name == "cost.bound_weight") return {"cost", "bounds", name_at(robot.states, i), "weight"};
-  if (name == "cost.outputs") return {"cost", "outputs", name_at(robot.outputs, i)};
+  if (name == "cost.state_low") return {"cost", "bounds", name_at(robot.names.states, i), "low"};
+  if (name == "cost.state_high") return {"cost", "bounds", name_at(robot.names.states, i), "high"};
+  if (name == "cost.bound_weight") return {"cost", "bounds", name_at(robot.names.states, i), "weight"};
+  if (name == "cost.outputs") return {"cost", "outputs", name_at(robot.names.outputs, i)};
   if (name.rfind("cost.own.", 0) == 0) return {"model", "file"};
   if (name == "safety.input_low") return {"limits", input, "low"};
   if (name == "safety.input_high") return {"limits", input, "high"};
   if (name == "safety.input_rate_per_s") return {"limits", input, "rate_per_s"};
   if (name == "safety.safe_command") return {"limits", input, "safe"};
-  const std::string sensor = name_at(robot.measurements, i);
+  const std::string sensor = name_at(robot.names.measurements, i);
   if (name == "safety.measurement_low") return {"measurement", sensor, "low"};
   if (name == "safety.measurement_high") return {"measurement", sensor, "high"};
   if (name == "safety.measurement_rate_per_s") return {"measurement", sensor, "rate_per_s"};
   for (const KeySpec& key : robot_keys()) {
     if (!key.field || name != key.field) continue;
-    if (key.kind == KeyKind::state_numbers) return {key.section, key.key, name_at(robot.states, i)};
+    if (key.kind == KeyKind::state_numbers) return {key.section, key.key, name_at(robot.names.states, i)};
     if (key.kind == KeyKind::input_numbers) return {key.section, key.key, input};
     return {key.section, key.key};
   }

@@ -78,7 +78,7 @@ std::string priors_text(const RobotFile& robot, const std::string& prefix) {
   for (std::uint32_t i = 0; i < robot.config.param_count; ++i) {
     const tiller_prior_t& p = robot.config.priors[i];
     rows += "  {" + enum_name("prior", kinds, p.kind) + ", 0, " + c_number(p.a) + ", " + c_number(p.b) + ", " +
-            c_number(p.low) + ", " + c_number(p.high) + "}, /* " + robot.params[i] + " */\n";
+            c_number(p.low) + ", " + c_number(p.high) + "}, /* " + robot.names.params[i] + " */\n";
   }
   return definition("tiller_prior_t", prefix + "_priors", robot.config.param_count, rows);
 }
@@ -105,8 +105,8 @@ void write_settings(Initialiser& part, const RobotFile& robot, const std::string
     switch (key.kind) {
       case KeyKind::choice: part.word(field, enum_name(key.enum_prefix, key.choices(), whole)); break;
       case KeyKind::number: part.number(field, *numbers); break;
-      case KeyKind::state_numbers: part.numbers(field, numbers, TILLER_MAX_STATES, robot.states); break;
-      case KeyKind::input_numbers: part.numbers(field, numbers, TILLER_MAX_INPUTS, robot.inputs); break;
+      case KeyKind::state_numbers: part.numbers(field, numbers, TILLER_MAX_STATES, robot.names.states); break;
+      case KeyKind::input_numbers: part.numbers(field, numbers, TILLER_MAX_INPUTS, robot.names.inputs); break;
       default: part.count(field, whole);
     }
   }
@@ -139,7 +139,7 @@ std::string terms_text(const RobotFile& robot, const std::string& prefix) {
     Words indices, names, params;
     for (std::uint32_t k = 0; k < info.state_count; ++k) {
       indices.push_back(std::to_string(term.states[k]) + "u");
-      names.push_back(robot.states[term.states[k]]);
+      names.push_back(robot.names.states[term.states[k]]);
     }
     for (std::uint32_t k = 0; k < std::max(info.param_count, 1u); ++k) params.push_back(c_number(term.params[k]));
     rows += std::string("  {tiller_cost_term_") + cost_term_key(term.kind) + ", {" + join(indices) + "}, 0u, " +
@@ -154,11 +154,11 @@ std::string cones_text(const RobotFile& robot, const std::string& prefix) {
   for (std::uint32_t c = 0; c < robot.config.safety.cone_count; ++c) {
     const tiller_input_cone_t& cone = robot.config.safety.cones[c];
     Words norm;
-    for (std::size_t i = 0; i < robot.inputs.size(); ++i)
-      if ((cone.inputs >> i) & 1u) norm.push_back(robot.inputs[i]);
+    for (std::size_t i = 0; i < robot.names.inputs.size(); ++i)
+      if ((cone.inputs >> i) & 1u) norm.push_back(robot.names.inputs[i]);
     rows += "  {" + std::to_string(cone.inputs) + "u, " + std::to_string(cone.axis) + "u, " + c_number(cone.slope) +
             ", " + c_number(cone.limit) + "}, /* " + join(norm) +
-            (cone.slope > 0.0 ? "; along " + robot.inputs[cone.axis] : "") + " */\n";
+            (cone.slope > 0.0 ? "; along " + robot.names.inputs[cone.axis] : "") + " */\n";
   }
   return definition("tiller_input_cone_t", prefix + "_cones", robot.config.safety.cone_count, rows);
 }
@@ -181,13 +181,13 @@ class OptionalArrays {
   OptionalArrays(const RobotFile& robot, std::string prefix) : prefix_(std::move(prefix)) {
     const tiller_cost_config_t& c = robot.config.cost;
     const tiller_safety_config_t& s = robot.config.safety;
-    add("state_low", c.state_low, robot.states, -HUGE_VAL);
-    add("state_high", c.state_high, robot.states, HUGE_VAL);
-    add("bound_weight", c.bound_weight, robot.states, 0.0);
+    add("state_low", c.state_low, robot.names.states, -HUGE_VAL);
+    add("state_high", c.state_high, robot.names.states, HUGE_VAL);
+    add("bound_weight", c.bound_weight, robot.names.states, 0.0);
     add("hold_gain", s.hold_gain, gain_names(robot), 0.0);
-    add("measurement_low", s.measurement_low, robot.measurements, -HUGE_VAL);
-    add("measurement_high", s.measurement_high, robot.measurements, HUGE_VAL);
-    add("measurement_rate_per_s", s.measurement_rate_per_s, robot.measurements, HUGE_VAL);
+    add("measurement_low", s.measurement_low, robot.names.measurements, -HUGE_VAL);
+    add("measurement_high", s.measurement_high, robot.names.measurements, HUGE_VAL);
+    add("measurement_rate_per_s", s.measurement_rate_per_s, robot.names.measurements, HUGE_VAL);
   }
 
   const std::string& text() const { return text_; }
@@ -198,8 +198,8 @@ class OptionalArrays {
  private:
   static Words gain_names(const RobotFile& robot) {
     Words names;
-    for (const std::string& input : robot.inputs)
-      for (const std::string& state : robot.states) names.push_back(input + ", " + state);
+    for (const std::string& input : robot.names.inputs)
+      for (const std::string& state : robot.names.states) names.push_back(input + ", " + state);
     return names;
   }
 
@@ -234,15 +234,15 @@ std::string outputs_text(const RobotFile& robot, const std::string& prefix) {
   for (std::uint32_t j = 0; j < c.output_count; ++j) {
     const tiller_output_cost_t& o = c.outputs[j];
     text += "  {" + c_number(o.target) + ", " + c_number(o.weight) + ", " + c_number(o.terminal_weight) + ", " +
-            c_number(o.low) + ", " + c_number(o.high) + ", " + c_number(o.bound_weight) + "}, /* " + robot.outputs[j] +
-            " */\n";
+            c_number(o.low) + ", " + c_number(o.high) + ", " + c_number(o.bound_weight) + "}, /* " +
+            robot.names.outputs[j] + " */\n";
   }
   return definition("tiller_output_cost_t", prefix + "_outputs", c.output_count, text);
 }
 
 std::string arrays_text(const RobotFile& robot, const std::string& prefix) {
   const tiller_cost_config_t& c = robot.config.cost;
-  const std::size_t nx = robot.states.size();
+  const std::size_t nx = robot.names.states.size();
   return effects_text(robot, prefix) + priors_text(robot, prefix) + mixture_text(robot, prefix) +
          networks_text(robot, prefix) + OptionalArrays(robot, prefix).text() + terms_text(robot, prefix) +
          cones_text(robot, prefix) + array_text(prefix + "_reference", c.reference, c.reference_steps, nx) +
@@ -275,10 +275,10 @@ Initialiser cost_part(const RobotFile& robot, const std::string& prefix) {
 Initialiser safety_part(const RobotFile& robot, const std::string& prefix) {
   const tiller_safety_config_t& s = robot.config.safety;
   Initialiser part("    ");
-  part.numbers("input_low", s.input_low, TILLER_MAX_INPUTS, robot.inputs);
-  part.numbers("input_high", s.input_high, TILLER_MAX_INPUTS, robot.inputs);
-  part.numbers("input_rate_per_s", s.input_rate_per_s, TILLER_MAX_INPUTS, robot.inputs);
-  part.numbers("safe_command", s.safe_command, TILLER_MAX_INPUTS, robot.inputs);
+  part.numbers("input_low", s.input_low, TILLER_MAX_INPUTS, robot.names.inputs);
+  part.numbers("input_high", s.input_high, TILLER_MAX_INPUTS, robot.names.inputs);
+  part.numbers("input_rate_per_s", s.input_rate_per_s, TILLER_MAX_INPUTS, robot.names.inputs);
+  part.numbers("safe_command", s.safe_command, TILLER_MAX_INPUTS, robot.names.inputs);
   const OptionalArrays arrays(robot, prefix);
   for (const char* field : {"hold_gain", "measurement_low", "measurement_high", "measurement_rate_per_s"})
     arrays.point(part, field);
@@ -302,7 +302,7 @@ std::string config_text(const RobotFile& robot, const std::string& prefix) {
   if (c.param_count > 0) all.word("priors", prefix + "_priors");
   all.count("measurement_count", c.measurement_count);
   all.word("measured_state", measured_text(robot));
-  all.numbers("measurement_sd", c.measurement_sd, TILLER_MAX_MEASUREMENTS, robot.measurements);
+  all.numbers("measurement_sd", c.measurement_sd, TILLER_MAX_MEASUREMENTS, robot.names.measurements);
   all.group("posterior", posterior_part(robot));
   if (c.prior_mixture) all.word("prior_mixture", "&" + prefix + "_prior");
   if (c.network) all.word("network", "&" + prefix + "_network");
@@ -319,7 +319,7 @@ std::string model_text(const RobotFile& robot, std::string& declaration) {
   declaration = "/* The model of " + std::filesystem::path(robot.model_request.file).filename().string() +
                 ": compile and link that file too. */\n"
                 "const tiller_model_t* tiller_model(void);\n" +
-                (robot.own_cost ? "const tiller_own_cost_t* tiller_cost(void);\n" : "") + "\n";
+                (robot.config.cost.own ? "const tiller_own_cost_t* tiller_cost(void);\n" : "") + "\n";
   return "tiller_model()";
 }
 
@@ -360,7 +360,7 @@ std::string export_c(const RobotFile& robot, const std::string& prefix, const st
          declaration + arrays_text(robot, prefix) + "static const tiller_config_t " + prefix + "_constants = {\n" +
          config_text(robot, prefix) + "};\n\ntiller_config_t " + prefix + "_config(void);\ntiller_config_t " + prefix +
          "_config(void) {\n  tiller_config_t config = " + prefix + "_constants;\n  config.model = " + model + ";\n" +
-         (robot.own_cost ? "  config.cost.own = tiller_cost();\n" : "") + "  return config;\n}\n";
+         (robot.config.cost.own ? "  config.cost.own = tiller_cost();\n" : "") + "  return config;\n}\n";
 }
 
 }  // namespace tiller::tools

@@ -44,9 +44,9 @@ std::string policy_text(const std::string& name, const StoredPolicy& p) {
 
 std::string networks_text(const RobotFile& robot, const std::string& prefix) {
   std::string text;
-  if (robot.config.network) text += network_text(prefix + "_network", robot.network->stored);
+  if (robot.config.network) text += network_text(prefix + "_network", robot.memory.network->stored);
   if (robot.config.policy && robot.config.planner.kind == tiller_planner_policy)
-    text += policy_text(prefix + "_policy", robot.policy->stored);
+    text += policy_text(prefix + "_policy", robot.memory.policy->stored);
   return text;
 }
 

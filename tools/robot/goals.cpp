@@ -42,7 +42,7 @@ class GoalReader {
         read_row(csv_cells(line), number, goals);
     }
     if (errors_.size() == before_ && goals.empty())
-      add(1, "goals", "there is none", "write a header and a row for each goal, e.g. time_s," + robot_.states[0]);
+      add(1, "goals", "there is none", "write a header and a row for each goal, e.g. time_s," + robot_.names.states[0]);
     return errors_.size() == before_;
   }
 
@@ -59,13 +59,13 @@ class GoalReader {
       if (name.size() <= ending.size() || name.compare(name.size() - ending.size(), ending.size(), ending) != 0)
         continue;
       column = {Column::Kind::angle, k, 0, name.substr(0, name.size() - ending.size())};
-      const int first = index_of(robot_.states, column.frame + "_w");
+      const int first = index_of(robot_.names.states, column.frame + "_w");
       if (first >= 0 && (robot_.config.model->quaternion_mask >> first & 1u) != 0) {
         column.kind = Column::Kind::attitude;
         column.first = static_cast<std::size_t>(first);
         return true;
       }
-      return index_of(robot_.outputs, frame_output_names(column.frame)[3]) >= 0;
+      return index_of(robot_.names.outputs, frame_output_names(column.frame)[3]) >= 0;
     }
     return false;
   }
@@ -77,18 +77,18 @@ class GoalReader {
       Column column;
       if (name == "time_s") {
         has_time = true;
-      } else if (const int state = index_of(robot_.states, name); state >= 0) {
+      } else if (const int state = index_of(robot_.names.states, name); state >= 0) {
         column = {Column::Kind::state, static_cast<std::size_t>(state), 0, ""};
         about_states_ = true;
-      } else if (const int output = index_of(robot_.outputs, name); output >= 0) {
+      } else if (const int output = index_of(robot_.names.outputs, name); output >= 0) {
         column = {Column::Kind::output, static_cast<std::size_t>(output), 0, ""};
         about_outputs_ = true;
       } else if (is_angle(name, column)) {
         (column.kind == Column::Kind::attitude ? about_states_ : about_outputs_) = true;
       } else {
         Words known = {"time_s"};
-        known.insert(known.end(), robot_.states.begin(), robot_.states.end());
-        known.insert(known.end(), robot_.outputs.begin(), robot_.outputs.end());
+        known.insert(known.end(), robot_.names.states.begin(), robot_.names.states.end());
+        known.insert(known.end(), robot_.names.outputs.begin(), robot_.names.outputs.end());
         add(line, name, "is neither a state nor an output of the model", remedy_for_unknown(name, known));
       }
       columns_.push_back(column);
@@ -134,7 +134,7 @@ class GoalReader {
     for (const auto& [first, a] : angles) write_quaternion(from_roll_pitch_yaw(a[0], a[1], a[2]), &now_.states[first]);
     for_quaternions(robot_.config.model->quaternion_mask, [&](std::uint32_t first) {
       if (!is_attitude(&now_.states[first]))
-        add(line, robot_.states[first], "is the first of a quaternion whose length is not 1",
+        add(line, robot_.names.states[first], "is the first of a quaternion whose length is not 1",
             "write all four of it, or its roll, pitch and yaw in rad (" + attitude_columns(first) + ")");
     });
     if (errors_.size() != before_) return;
@@ -144,7 +144,7 @@ class GoalReader {
   }
 
   std::string attitude_columns(std::size_t first) const {
-    const std::string& name = robot_.states[first];  // ends with _w, or is told as it is
+    const std::string& name = robot_.names.states[first];  // ends with _w, or is told as it is
     const std::string stem = name.substr(0, name.size() - 2);
     return stem + "_roll_rad, " + stem + "_pitch_rad, " + stem + "_yaw_rad";
   }
@@ -155,7 +155,7 @@ class GoalReader {
     const auto names = frame_output_names(frame);
     const std::array<double, 9> rotation = rotation_of(rpy);
     for (std::size_t i = 0; i < 9; ++i)
-      now_.outputs[static_cast<std::size_t>(index_of(robot_.outputs, names[3 + i]))] = rotation[i];
+      now_.outputs[static_cast<std::size_t>(index_of(robot_.names.outputs, names[3 + i]))] = rotation[i];
     rpy = {};
   }
 
@@ -174,7 +174,7 @@ class GoalReader {
 Goal goal_of(const RobotFile& robot) {
   const tiller_cost_config_t& cost = robot.config.cost;
   Goal goal;
-  goal.states.assign(cost.target, cost.target + robot.states.size());
+  goal.states.assign(cost.target, cost.target + robot.names.states.size());
   for (std::uint32_t j = 0; j < cost.output_count; ++j) goal.outputs.push_back(cost.outputs[j].target);
   return goal;
 }

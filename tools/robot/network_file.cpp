@@ -24,10 +24,10 @@ const Words kKinds = {"tanh", "gaussian"};
 const Words kSquashes = {"cut", "sine"};
 const Words kReads = {"state", "goal", "belief_mean", "belief_spread", "last_command"};
 
-bool is_angle(const RobotFile& robot, std::uint32_t i) { return ((robot.model->angle_mask >> i) & 1u) != 0; }
+bool is_angle(const RobotFile& robot, std::uint32_t i) { return ((robot.config.model->angle_mask >> i) & 1u) != 0; }
 
 void add_state(const RobotFile& robot, std::uint32_t i, Words& names) {
-  const std::string& name = robot.states[i];
+  const std::string& name = robot.names.states[i];
   if (!is_angle(robot, i)) return names.push_back(name);
   names.push_back("sin " + name);
   names.push_back("cos " + name);
@@ -161,7 +161,7 @@ bool same_names(const char* key, const Words& got, const Words& wanted, std::str
 
 /// An effect's `member` without a prior in the robot file has all that the format allows: now those that there are.
 void bound_members(std::uint32_t members, RobotFile& robot) {
-  std::uint32_t param = robot.model->param_count;
+  std::uint32_t param = robot.config.model->param_count;
   for (std::uint32_t e = 0; e < robot.config.effect_count; ++e) {
     const EffectInfo& info = effect_info(robot.config.effects[e].kind);
     tiller_prior_t& prior = robot.config.priors[param];
@@ -177,33 +177,33 @@ void bound_members(std::uint32_t members, RobotFile& robot) {
 
 Words network_inputs(const RobotFile& robot) {
   Words names;
-  for (std::uint32_t j = 0; j < robot.model->joint_count; ++j) {
-    const tiller_joint_t& joint = robot.model->joints[j];
+  for (std::uint32_t j = 0; j < robot.config.model->joint_count; ++j) {
+    const tiller_joint_t& joint = robot.config.model->joints[j];
     if (joint.position != TILLER_NO_POSITION) add_state(robot, joint.position, names);
-    names.push_back(robot.states[joint.velocity]);
+    names.push_back(robot.names.states[joint.velocity]);
   }
-  names.insert(names.end(), robot.inputs.begin(), robot.inputs.end());
+  names.insert(names.end(), robot.names.inputs.begin(), robot.names.inputs.end());
   return names;
 }
 
 Words network_outputs(const RobotFile& robot) {
-  return Words(robot.model->force_names, robot.model->force_names + robot.model->joint_count);
+  return Words(robot.config.model->force_names, robot.config.model->force_names + robot.config.model->joint_count);
 }
 
 Words policy_inputs(const RobotFile& robot, std::uint32_t reads) {
   Words names, free;
   for (std::uint32_t p = 0; p < robot.config.param_count; ++p)
-    if (robot.config.priors[p].kind != tiller_prior_fixed) free.push_back(robot.params[p]);
+    if (robot.config.priors[p].kind != tiller_prior_fixed) free.push_back(robot.names.params[p]);
   if (reads & tiller_policy_state)
-    for (std::uint32_t i = 0; i < robot.model->state_count; ++i) add_state(robot, i, names);
+    for (std::uint32_t i = 0; i < robot.config.model->state_count; ++i) add_state(robot, i, names);
   if (reads & tiller_policy_goal)
-    for (const std::string& state : robot.states) names.push_back("error " + state);
+    for (const std::string& state : robot.names.states) names.push_back("error " + state);
   if (reads & tiller_policy_belief_mean)
     for (const std::string& param : free) names.push_back("mean " + param);
   if (reads & tiller_policy_belief_spread)
     for (const std::string& param : free) names.push_back("sd " + param);
   if (reads & tiller_policy_last_command)
-    for (const std::string& input : robot.inputs) names.push_back("last " + input);
+    for (const std::string& input : robot.names.inputs) names.push_back("last " + input);
   return names;
 }
 
@@ -246,13 +246,6 @@ std::string policy_text(const StoredPolicy& policy) {
   return with_format(kPolicyFormat, body).dump(1) + "\n";
 }
 
-bool save_network(const std::string& path, const StoredNetwork& network, std::string& error) {
-  return replace_file(path, network_text(network), error);
-}
-bool save_policy(const std::string& path, const StoredPolicy& policy, std::string& error) {
-  return replace_file(path, policy_text(policy), error);
-}
-
 bool parse_network(const std::string& text, StoredNetwork& out, std::string& error) {
   error.clear();
   const Json json = open_json(text, kNetworkFormat, error);
@@ -291,16 +284,16 @@ bool take_network(const StoredNetwork& network, RobotFile& robot, std::string& e
   if (!same_names("inputs", network.inputs, network_inputs(robot), error)) return false;
   if (!same_names("outputs", network.outputs, network_outputs(robot), error)) return false;
   bound_members(network.members, robot);
-  robot.network = std::make_shared<const LoadedNetwork>(network);
-  robot.config.network = &robot.network->network;
+  robot.memory.network = std::make_shared<const LoadedNetwork>(network);
+  robot.config.network = &robot.memory.network->network;
   return true;
 }
 
 bool take_policy(const StoredPolicy& policy, RobotFile& robot, std::string& error) {
   if (!same_names("network.inputs", policy.network.inputs, policy_inputs(robot, policy.reads), error)) return false;
-  if (!same_names("network.outputs", policy.network.outputs, robot.inputs, error)) return false;
-  robot.policy = std::make_shared<const LoadedPolicy>(policy);
-  robot.config.policy = &robot.policy->policy;
+  if (!same_names("network.outputs", policy.network.outputs, robot.names.inputs, error)) return false;
+  robot.memory.policy = std::make_shared<const LoadedPolicy>(policy);
+  robot.config.policy = &robot.memory.policy->policy;
   return true;
 }
 

@@ -54,9 +54,6 @@ class LoadedPolicy {
 /// JSON of format version 1; docs/reference/networks.md has it.
 std::string network_text(const StoredNetwork& network);
 std::string policy_text(const StoredPolicy& policy);
-/// Crash-safe (replace_file). False with a sentence in `error`.
-bool save_network(const std::string& path, const StoredNetwork& network, std::string& error);
-bool save_policy(const std::string& path, const StoredPolicy& policy, std::string& error);
 
 /// Reads with suspicion: what is missing, of the wrong type or size or no finite number is an error, "key: problem;
 /// remedy" without the file's name. False with the first one.

@@ -366,10 +366,10 @@ std::vector<std::size_t> match_parameters(const StoredPosterior& posterior, cons
   std::vector<std::size_t> from;
   Words inferred;
   const std::size_t d = posterior.params.size();
-  for (std::size_t i = 0; i < robot.params.size(); ++i) {
+  for (std::size_t i = 0; i < robot.names.params.size(); ++i) {
     const tiller_prior_t& prior = robot.config.priors[i];
     if (prior.kind == tiller_prior_fixed) continue;
-    const std::string& name = robot.params[i];
+    const std::string& name = robot.names.params[i];
     inferred.push_back(name);
     const int at = index_of(posterior.params, name);
     if (at < 0) {
@@ -419,8 +419,8 @@ bool take_prior(const StoredPosterior& posterior, const std::string& path, Robot
   const auto refuse = [&](const std::string& what, const std::string& remedy) {
     errors.push_back(path + ": " + what + "; " + remedy);
   };
-  if (posterior.model != robot.model->name) {
-    refuse("model = \"" + posterior.model + "\": the robot file's model is " + robot.model->name,
+  if (posterior.model != robot.config.model->name) {
+    refuse("model = \"" + posterior.model + "\": the robot file's model is " + robot.config.model->name,
            "name the posterior of this robot");
     return false;
   }
@@ -431,8 +431,8 @@ bool take_prior(const StoredPosterior& posterior, const std::string& path, Robot
     refuse("mixture: a covariance is not positive definite in the robot file's order", kAnew);
     return false;
   }
-  robot.joint = std::make_shared<const JointPrior>(ordered);
-  robot.config.prior_mixture = &robot.joint->mixture;
+  robot.memory.joint = std::make_shared<const JointPrior>(ordered);
+  robot.config.prior_mixture = &robot.memory.joint->mixture;
   return true;
 }
 

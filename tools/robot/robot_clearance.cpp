@@ -70,7 +70,7 @@ std::vector<ClearanceOutput> read_clearance(SectionReader& cost, const RobotFile
   const Spheres& spheres = section.spheres;
   if (!(spheres.weight > 0.0)) return bounded;
   const auto bound = [&](const std::string& output, double radii_m, double at_m) {
-    const int index = index_of(robot.outputs, output);
+    const int index = index_of(robot.names.outputs, output);
     if (index < 0) return;
     tiller_output_cost_t& out = costs[static_cast<std::size_t>(index)];
     out.low = at_m + radii_m + spheres.margin_m;

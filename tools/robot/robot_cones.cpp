@@ -59,8 +59,8 @@ void read_cone(FileErrors& errors, const toml::table& table, std::size_t index, 
   const std::size_t before = errors.list().size();
   section.refuse_unknown();
   tiller_input_cone_t cone = {};
-  cone.inputs = read_norm(section, robot.inputs);
-  cone.axis = read_axis(section, robot.inputs);
+  cone.inputs = read_norm(section, robot.names.inputs);
+  cone.axis = read_axis(section, robot.names.inputs);
   cone.slope = section.number("slope").value_or(0.0);
   cone.limit = section.number("limit").value_or(0.0);
   if (!section.has("slope") && !section.has("limit"))
@@ -84,14 +84,14 @@ void check_fit(const toml::table& table, std::size_t index, FileErrors& errors, 
   const bool sloped = cone.slope > 0.0;
   if (sloped && ((norms >> cone.axis) & 1u) != 0)
     section.error("axis", "stands in another cone's norm", "name an input that no cone's norm has");
-  for (std::size_t i = 0; i < robot.inputs.size(); ++i)
+  for (std::size_t i = 0; i < robot.names.inputs.size(); ++i)
     if (((cone.inputs >> i) & 1u) != 0 && !(s.input_low[i] <= 0.0 && s.input_high[i] >= 0.0))
-      section.error("inputs", "0 is outside the limits of " + robot.inputs[i],
-                    "let limits." + robot.inputs[i] + " contain 0, or leave the input out of the norm");
+      section.error("inputs", "0 is outside the limits of " + robot.names.inputs[i],
+                    "let limits." + robot.names.inputs[i] + " contain 0, or leave the input out of the norm");
   if (sloped && !(cone_radius(cone, s.input_low) >= 0.0))
     section.error("slope",
-                  "leaves nothing where " + robot.inputs[cone.axis] + " = " + number_text(s.input_low[cone.axis]),
-                  "raise limits." + robot.inputs[cone.axis] + ".low until limit + slope * low is 0 or more");
+                  "leaves nothing where " + robot.names.inputs[cone.axis] + " = " + number_text(s.input_low[cone.axis]),
+                  "raise limits." + robot.names.inputs[cone.axis] + ".low until limit + slope * low is 0 or more");
   else if (!(cone_norm(cone, s.safe_command) <= cone_radius(cone, s.safe_command)))
     section.error("inputs",
                   "the safe command has a norm of " + number_text(cone_norm(cone, s.safe_command)) + ", beyond " +

@@ -42,10 +42,10 @@ void read_bounds(SectionReader& section, RobotFile& robot) {
   if (!table) return;
   for (const Entry& entry : in_file_order(*table)) {
     const std::string path = section.path_of("bounds." + entry.name);
-    const int state = index_of(robot.states, entry.name);
+    const int state = index_of(robot.names.states, entry.name);
     if (state < 0) {
       section.errors().at(*entry.node, path, "the model has no state of that name",
-                          remedy_for_unknown(entry.name, robot.states));
+                          remedy_for_unknown(entry.name, robot.names.states));
     } else if (!entry.node->is_table()) {
       section.errors().at(*entry.node, path, "is " + kind_text(*entry.node),
                           "write { low = .., high = .., weight = .. }");
@@ -78,7 +78,7 @@ void read_term(FileErrors& errors, const toml::table& table, std::uint32_t kind,
     return section.number(name).value_or(1.0);
   };
   for (std::uint32_t i = 0; i < info.state_count; ++i) {
-    const int state = named_state(section, info.states[i].key, robot.states);
+    const int state = named_state(section, info.states[i].key, robot.names.states);
     term.states[i] = static_cast<std::uint32_t>(state);  // of one that is not found: no other's
     for (std::uint32_t j = 0; j < i; ++j)
       if (state >= 0 && term.states[j] == term.states[i])
@@ -125,7 +125,7 @@ bool read_rows(FileErrors& errors, const toml::node& node, const std::string& ke
   const std::filesystem::path file = *node.value<std::string>();
   const std::filesystem::path path = file.is_absolute() ? file : robot.model_request.robot_dir / file;
   Words problems;
-  if (read_trajectory(path.string(), *robot.model, robot.config.period_s, out, problems)) return true;
+  if (read_trajectory(path.string(), *robot.config.model, robot.config.period_s, out, problems)) return true;
   for (const std::string& problem : problems) {
     const std::size_t remedy = problem.rfind("; ");
     errors.at(node, key, problem.substr(0, remedy), problem.substr(remedy + 2));
@@ -181,8 +181,8 @@ void read_demonstration(SectionReader& section, RobotFile& robot, TaskRows& rows
     section.missing("demonstration_weight", "write what deviating from the demonstration costs, e.g. 1");
     return;
   }
-  Demonstration demonstration =
-      runs.size() == 1 ? demonstration_of(runs[0], *robot.model) : estimate_demonstration(runs, *robot.model);
+  Demonstration demonstration = runs.size() == 1 ? demonstration_of(runs[0], *robot.config.model)
+                                                 : estimate_demonstration(runs, *robot.config.model);
   rows.demonstration_mean = std::move(demonstration.mean);
   rows.demonstration_root = std::move(demonstration.root);
   cost.demonstration_mean = rows.demonstration_mean.data();
@@ -192,13 +192,12 @@ void read_demonstration(SectionReader& section, RobotFile& robot, TaskRows& rows
 
 void read_own(SectionReader& section, RobotFile& robot) {
   const bool compiled = std::filesystem::path(robot.model_request.file).extension() == ".so";
-  const bool own = robot.own_cost || !robot.model_request.cost_type.empty();
+  const bool own = robot.config.cost.own || !robot.model_request.cost_type.empty();
   if (robot.config.cost.own_weight > 0 && !own && !compiled) {
     section.error(
         "own_weight", "the model brings no cost of its own",
         "write model.cost_type = the cost's template in the model's header, or export tiller_cost() from a C source");
   }
-  robot.config.cost.own = robot.own_cost;
   if (own && !section.has("own_weight")) robot.config.cost.own_weight = 1;
 }
 
@@ -213,7 +212,7 @@ void read_cost_terms(FileErrors& errors, const toml::table& root, RobotFile& rob
   read_demonstration(section, robot, *rows);
   read_outputs(section, robot, *rows);
   read_own(section, robot);
-  robot.rows = std::move(rows);
+  robot.memory.rows = std::move(rows);
 }
 
 }  // namespace tiller::tools

@@ -29,9 +29,9 @@ void read_actuators(SectionReader& section, const RobotFile& robot, TransportSec
   for (auto&& [name, value] : *table) {
     const std::string word(name.str());
     const std::string path = section.path_of("actuator." + word);
-    const int input = index_of(robot.inputs, word);
+    const int input = index_of(robot.names.inputs, word);
     if (input < 0)
-      section.errors().at(value, path, "is no input", remedy_for_unknown(word, robot.inputs));
+      section.errors().at(value, path, "is no input", remedy_for_unknown(word, robot.names.inputs));
     else
       take_actuator(section, value, path, transport.drives[static_cast<std::size_t>(input)]);
   }
@@ -86,7 +86,7 @@ void check_range(SectionReader& section, const RobotFile& robot, std::size_t i, 
                                                     : drive.position_rad;
   if (!(lever > 0) || !(wanted > most)) return;
   section.error("drives",
-                "[limits] " + robot.inputs[i] + " asks for " + number_text(wanted) +
+                "[limits] " + robot.names.inputs[i] + " asks for " + number_text(wanted) +
                     " of a drive whose range ends at " + number_text(most),
                 "narrow [limits], or correct the drive's " + drive.command + " range");
 }
@@ -96,30 +96,30 @@ void check_drive(SectionReader& section, const RobotFile& robot, std::size_t i, 
   ActuatorSettings settings;
   std::string error;
   if (!drive_settings(transport.drives[i], transport.nodes[i], settings, error))
-    return section.error("drives", error, "correct drives." + robot.inputs[i]);
+    return section.error("drives", error, "correct drives." + robot.names.inputs[i]);
   const ActuatorName& name = actuator_name(settings.kind);
   if (settings.node < name.first_node || settings.node > name.last_node)
     return section.error("nodes",
                          std::string(name.motor) + " has a node from " + std::to_string(name.first_node) + " to " +
                              std::to_string(name.last_node),
-                         "choose another for " + robot.inputs[i]);
+                         "choose another for " + robot.names.inputs[i]);
   if (const char* defect = actuator_protocol(settings.kind).settings_error(settings))
-    return section.error("drives", defect, "correct drives." + robot.inputs[i] + ", or its node");
+    return section.error("drives", defect, "correct drives." + robot.names.inputs[i] + ", or its node");
   check_range(section, robot, i, transport, settings);
 }
 
 }  // namespace
 
 void read_drives(SectionReader& section, const RobotFile& robot, TransportSection& transport) {
-  transport.drives.assign(robot.inputs.size(), DriveSection());
+  transport.drives.assign(robot.names.inputs.size(), DriveSection());
   read_actuators(section, robot, transport);
   if (const toml::table* table = section.subtable("drives")) {
     for (auto&& [name, node] : *table) {
       const std::string word(name.str());
       const std::string path = section.path_of("drives." + word);
-      const int input = index_of(robot.inputs, word);
+      const int input = index_of(robot.names.inputs, word);
       if (input < 0) {
-        section.errors().at(node, path, "is no input", remedy_for_unknown(word, robot.inputs));
+        section.errors().at(node, path, "is no input", remedy_for_unknown(word, robot.names.inputs));
       } else if (!node.is_table()) {
         section.errors().at(node, path, "is " + kind_text(node), "write { command = \"torque\", ... }");
       } else {
@@ -131,7 +131,7 @@ void read_drives(SectionReader& section, const RobotFile& robot, TransportSectio
   for (std::size_t i = 0; i < transport.drives.size(); ++i) {
     if (transport.drives[i].command == "position" && !(robot.config.safety.input_rate_per_s[i] < 1e300))
       section.error("drives", "commands a position without a rate limit",
-                    "add rate_per_s to [limits] " + robot.inputs[i]);
+                    "add rate_per_s to [limits] " + robot.names.inputs[i]);
     check_drive(section, robot, i, transport);
   }
 }

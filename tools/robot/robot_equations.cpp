@@ -16,7 +16,7 @@ struct Point {
 
 class Equations {
  public:
-  explicit Equations(const RobotFile& robot) : robot_(robot), config_(robot.config), model_(*robot.model) {}
+  explicit Equations(const RobotFile& robot) : robot_(robot), config_(robot.config), model_(*robot.config.model) {}
 
   /// The start: expected state, safe command, and every parameter at its prior's median.
   Point start() const {
@@ -58,13 +58,14 @@ class Equations {
     Words found;
     model_.dynamics(point.x.data(), point.u.data(), forces, &config_.body, point.p.data(), rates);
     for (std::uint32_t i = 0; i < model_.state_count; ++i)
-      if (!std::isfinite(rates[i])) found.push_back("the rate of " + robot_.states[i] + " is " + number(rates[i]));
+      if (!std::isfinite(rates[i]))
+        found.push_back("the rate of " + robot_.names.states[i] + " is " + number(rates[i]));
     if (model_.output_count > 0) model_.outputs(point.x.data(), point.p.data(), shown);
     for (std::uint32_t i = 0; i < model_.output_count; ++i)
-      if (!std::isfinite(shown[i])) found.push_back("the output " + robot_.outputs[i] + " is " + number(shown[i]));
-    if (robot_.own_cost) {
-      const double cost =
-          robot_.own_cost->stage(point.x.data(), point.u.data(), point.p.data(), 0.0, robot_.own_cost->context);
+      if (!std::isfinite(shown[i]))
+        found.push_back("the output " + robot_.names.outputs[i] + " is " + number(shown[i]));
+    if (const tiller_own_cost_t* own = config_.cost.own) {
+      const double cost = own->stage(point.x.data(), point.u.data(), point.p.data(), 0.0, own->context);
       if (!std::isfinite(cost)) found.push_back("the cost of the model's file is " + number(cost));
     }
     return found.empty() ? "" : join(found);
@@ -87,17 +88,17 @@ class Equations {
         }
       }
     };
-    each(&Point::x, robot_.states);
-    each(&Point::u, robot_.inputs);
-    each(&Point::p, robot_.params);
+    each(&Point::x, robot_.names.states);
+    each(&Point::u, robot_.names.inputs);
+    each(&Point::p, robot_.names.params);
     return found;
   }
 
   std::string all_numbers(const Point& point) const {
     Words all;
-    for (std::size_t i = 0; i < point.x.size(); ++i) all.push_back(robot_.states[i] + " = " + number(point.x[i]));
-    for (std::size_t i = 0; i < point.u.size(); ++i) all.push_back(robot_.inputs[i] + " = " + number(point.u[i]));
-    for (std::size_t i = 0; i < point.p.size(); ++i) all.push_back(robot_.params[i] + " = " + number(point.p[i]));
+    for (std::size_t i = 0; i < point.x.size(); ++i) all.push_back(robot_.names.states[i] + " = " + number(point.x[i]));
+    for (std::size_t i = 0; i < point.u.size(); ++i) all.push_back(robot_.names.inputs[i] + " = " + number(point.u[i]));
+    for (std::size_t i = 0; i < point.p.size(); ++i) all.push_back(robot_.names.params[i] + " = " + number(point.p[i]));
     return join(all);
   }
 
@@ -128,7 +129,7 @@ double parameter_at(const tiller_prior_t& prior, double share) {
 }
 
 void check_start(FileErrors& errors, const toml::table& root, const RobotFile& robot) {
-  if (!robot.model->dynamics) return;
+  if (!robot.config.model->dynamics) return;
   const Equations equations(robot);
   const Point start = equations.start();
   const std::string defects = equations.defects(start);
@@ -142,7 +143,7 @@ void check_start(FileErrors& errors, const toml::table& root, const RobotFile& r
 
 void hint_at_equations(FileErrors& hints, const toml::table& root, const RobotFile& robot) {
   constexpr int kPoints = 64;
-  if (!robot.model->dynamics) return;
+  if (!robot.config.model->dynamics) return;
   const Equations equations(robot);
   int bad = 0;
   std::string first;

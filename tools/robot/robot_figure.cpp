@@ -83,8 +83,8 @@ class TermReader {
 class FigureReader {
  public:
   FigureReader(FileErrors& errors, const RobotFile& robot) : errors_(errors) {
-    names_ = robot.states;
-    names_.insert(names_.end(), robot.params.begin(), robot.params.end());
+    names_ = robot.names.states;
+    names_.insert(names_.end(), robot.names.params.begin(), robot.names.params.end());
   }
 
   /// Points that may name outputs too.
@@ -323,7 +323,7 @@ void read_figure(FileErrors& errors, const toml::table& root, RobotFile& robot) 
   if (const auto view = section.choice("view")) figure.view = figure_view_names()[*view];
   FigureReader reader(errors, robot);
   if (index_of(meant, "links") < 0) reader.read_links(section.node("links"), figure);
-  reader.read_goals(section.node("goals_m"), robot.outputs, figure);
+  reader.read_goals(section.node("goals_m"), robot.names.outputs, figure);
 }
 
 }  // namespace tiller::tools

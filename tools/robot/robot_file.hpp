@@ -98,27 +98,41 @@ struct TaskRows {
 class LoadedNetwork;  // tools/robot/network_file.hpp
 class LoadedPolicy;
 
-/// A robot file, read, checked and complete.
-struct RobotFile {
-  std::string path;
-  std::string name;
-  ModelRequest model_request;
-  const tiller_model_t* model = nullptr;
-  const tiller_own_cost_t* own_cost = nullptr;   ///< of a C source that exports tiller_cost()
-  std::shared_ptr<const TaskRows> rows;          ///< what `config.cost` points to
-  std::shared_ptr<const JointPrior> joint;       ///< what `config.prior_mixture` points to
-  std::shared_ptr<const LoadedNetwork> network;  ///< what `config.network` points to
-  std::shared_ptr<const LoadedPolicy> policy;    ///< what `config.policy` points to
-  Config config{};
+/// The names of the model's parts and of what is measured.
+struct RobotNames {
   Words states, inputs, measurements, outputs;
   Words params;  ///< (param_count) the model's, then each effect's as "<port>.<parameter>"
+};
+
+/// What the configuration points to; copies share it.
+struct ConfigMemory {
+  std::shared_ptr<const TaskRows> rows;          ///< of `cost`
+  std::shared_ptr<const JointPrior> joint;       ///< of `prior_mixture`
+  std::shared_ptr<const LoadedNetwork> network;  ///< of `network`
+  std::shared_ptr<const LoadedPolicy> policy;    ///< of `policy`
+};
+
+/// A robot file, read, checked and complete: the controller's configuration, and what the host's programs need beside.
+struct RobotFile {
+  std::string path, name;
+  ModelRequest model_request;
+  Config config{};
+  ConfigMemory memory;
+  RobotNames names;
+  SubstepAdvice substeps;  ///< what the period needs; taken where the file does not say
   TransportSection transport;
   RealtimeSection realtime;
   SimSection sim;
   LogMap log;
   FigureSection figure;
-  SubstepAdvice substeps;  ///< what the period needs; taken where the file does not say
 };
+
+/// A robot file as it was written: read and checked, without what trial steps add (parse_robot_file() takes them).
+struct RobotText {
+  std::unique_ptr<RobotFile> robot;  ///< null: `errors` says why
+  bool says_substeps = false, says_horizon = false;
+};
+RobotText parse_robot_text(const std::string& text, const std::string& path, std::string& errors);
 
 /// Index of a name; -1 if it is not there.
 int index_of(const Words& names, const std::string& name);

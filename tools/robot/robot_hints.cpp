@@ -24,7 +24,7 @@ bool ends_with(const std::string& text, const std::string& ending) {
 /// 0: none, as of a mass that nothing holds, or not finite.
 double fastest_rate(const RobotFile& robot) {
   constexpr double kStep = 1e-6;
-  const tiller_model_t& m = *robot.model;
+  const tiller_model_t& m = *robot.config.model;
   if (!m.dynamics) return 0.0;
   const Eigen::Index nx = m.state_count;
   std::vector<double> params, forces(TILLER_MAX_JOINTS, 0.0);
@@ -111,8 +111,8 @@ class Degrees {
  private:
   void number(const toml::node& node, const std::string& key, const std::string& name) {
     const auto value = node.value<double>();
-    const int state = index_of(robot_.states, name);
-    const bool wraps = state >= 0 && (robot_.model->angle_mask >> state) & 1u;
+    const int state = index_of(robot_.names.states, name);
+    const bool wraps = state >= 0 && (robot_.config.model->angle_mask >> state) & 1u;
     if (!value || !std::isfinite(*value) || !(wraps || ends_with(name, "_rad"))) return;
     if (!looks_like_degrees(*value, wraps)) return;
     hints_.at(node, key, format("%s rad are %.3g turns", number_text(*value).c_str(), std::abs(*value) / (2.0 * kPi)),
@@ -162,9 +162,9 @@ void hint_at_names(FileErrors& hints, const toml::table& root, const RobotFile& 
   if (robot.model_request.file.empty()) return;
   for (const auto& foreign : kForeign) {
     Words names;
-    for (const Words* list : {&robot.states, &robot.inputs, &robot.params, &robot.outputs})
+    for (const Words* list : {&robot.names.states, &robot.names.inputs, &robot.names.params, &robot.names.outputs})
       for (std::size_t i = 0; i < list->size(); ++i) {
-        if (list == &robot.params && i >= robot.model->param_count) break;  // effects' own are SI
+        if (list == &robot.names.params && i >= robot.config.model->param_count) break;  // effects' own are SI
         if (ends_with((*list)[i], std::string("_") + foreign.unit)) names.push_back((*list)[i]);
       }
     if (names.empty()) continue;

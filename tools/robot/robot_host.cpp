@@ -35,8 +35,8 @@ void read_sensors(SectionReader& section, const RobotFile& robot, SimSection& si
   for (auto&& [name, node] : *table) {
     const std::string word(name.str());
     const std::string path = section.path_of("sensors." + word);
-    if (index_of(robot.measurements, word) < 0) {
-      section.errors().at(node, path, "is not measured", remedy_for_unknown(word, robot.measurements));
+    if (index_of(robot.names.measurements, word) < 0) {
+      section.errors().at(node, path, "is not measured", remedy_for_unknown(word, robot.names.measurements));
     } else if (!node.is_table()) {
       section.errors().at(node, path, "is " + kind_text(node), "write { sd = ..., step = ... }");
     } else {
@@ -97,13 +97,14 @@ void refuse_foreign_keys(SectionReader& section, const std::string& kind) {
 }
 
 void read_motors(SectionReader& section, const RobotFile& robot, TransportSection& transport) {
-  std::vector<double> nodes(robot.inputs.size(), -1);
-  transport.wheel_radius_m.assign(robot.inputs.size(), 1);
-  section.numbers("nodes", robot.inputs, "input", nodes.data());
-  section.numbers("wheel_radius_m", robot.inputs, "input", transport.wheel_radius_m.data());
+  std::vector<double> nodes(robot.names.inputs.size(), -1);
+  transport.wheel_radius_m.assign(robot.names.inputs.size(), 1);
+  section.numbers("nodes", robot.names.inputs, "input", nodes.data());
+  section.numbers("wheel_radius_m", robot.names.inputs, "input", transport.wheel_radius_m.data());
   for (std::size_t i = 0; i < nodes.size(); ++i) {
     if (section.has("nodes") && nodes[i] < 0) {
-      section.error("nodes", "no CAN node for " + robot.inputs[i], "add " + robot.inputs[i] + " = its node");
+      section.error("nodes", "no CAN node for " + robot.names.inputs[i],
+                    "add " + robot.names.inputs[i] + " = its node");
     }
     if (nodes[i] < 0) nodes[i] = static_cast<double>(i + 1);
     transport.nodes.push_back(static_cast<std::uint32_t>(nodes[i]));
@@ -126,26 +127,26 @@ bool is_channel(const std::string& word, const Words& inputs) {
 void read_channels(SectionReader& section, const RobotFile& robot, TransportSection& transport) {
   const toml::table* table = section.subtable("channels");
   if (!table || !knows_measurements(section.errors())) return;
-  transport.channels.assign(robot.measurements.size(), "");
+  transport.channels.assign(robot.names.measurements.size(), "");
   for (auto&& [name, node] : *table) {
     const std::string word(name.str());
     const std::string path = section.path_of("channels." + word);
-    const int row = index_of(robot.measurements, word);
+    const int row = index_of(robot.names.measurements, word);
     const std::string text = node.value_or(std::string());
     if (row < 0) {
-      section.errors().at(node, path, "is not measured", remedy_for_unknown(word, robot.measurements));
-    } else if (!is_channel(text, robot.inputs)) {
-      section.errors().at(
-          node, path, "is no channel",
-          "write \"board:0\" to \"board:11\", or \"position:\" or \"velocity:\" and one of: " + join(robot.inputs));
+      section.errors().at(node, path, "is not measured", remedy_for_unknown(word, robot.names.measurements));
+    } else if (!is_channel(text, robot.names.inputs)) {
+      section.errors().at(node, path, "is no channel",
+                          "write \"board:0\" to \"board:11\", or \"position:\" or \"velocity:\" and one of: " +
+                              join(robot.names.inputs));
     } else {
       transport.channels[static_cast<std::size_t>(row)] = text;
     }
   }
-  for (std::size_t i = 0; i < robot.measurements.size(); ++i) {
-    if (!table->contains(robot.measurements[i])) {
-      section.error("channels", "no channel for " + robot.measurements[i],
-                    "add " + robot.measurements[i] + " = \"board:" + std::to_string(i) + "\"");
+  for (std::size_t i = 0; i < robot.names.measurements.size(); ++i) {
+    if (!table->contains(robot.names.measurements[i])) {
+      section.error("channels", "no channel for " + robot.names.measurements[i],
+                    "add " + robot.names.measurements[i] + " = \"board:" + std::to_string(i) + "\"");
     }
   }
 }
@@ -207,7 +208,7 @@ void read_sim(FileErrors& errors, const toml::table& root, RobotFile& robot) {
   const toml::table* table = section_table(errors, root, "sim");
   SectionReader section(errors, "sim", "sim", table);
   SimSection& sim = robot.sim;
-  sim.plant = section.text("plant").value_or(robot.model->name);
+  sim.plant = section.text("plant").value_or(robot.config.model->name);
   if (!table) return;
   sim.line = line_of(*table);
   section.refuse_unknown();
@@ -237,8 +238,8 @@ void read_log_map(FileErrors& errors, const toml::table& root, RobotFile& robot)
   if (const auto row_s = section.number("row_s")) log.row_s = *row_s;
   log.undriven = section.flag("undriven").value_or(false);
   if (const auto input = section.choice("input")) log.input = find_key("log", "input")->choices()[*input];
-  Words names = robot.states;
-  names.insert(names.end(), robot.inputs.begin(), robot.inputs.end());
+  Words names = robot.names.states;
+  names.insert(names.end(), robot.names.inputs.begin(), robot.names.inputs.end());
   const auto read_words = [&](const char* key, const Words& known, std::map<std::string, std::string>& out) {
     const toml::table* words = section.subtable(key);
     if (!words) return;

@@ -55,7 +55,7 @@ void read_frame(FileErrors& errors, const std::string& name, const toml::table& 
   const auto names = frame_output_names(name);
   const std::array<double, 9> rotation = rotation_of(rpy);
   const auto set = [&](std::size_t i, double target, double w, double last) {
-    const auto at = static_cast<std::size_t>(index_of(robot.outputs, names[i]));
+    const auto at = static_cast<std::size_t>(index_of(robot.names.outputs, names[i]));
     costs[at].target = target;
     costs[at].weight = w;
     costs[at].terminal_weight = last;
@@ -71,12 +71,12 @@ void read_frame(FileErrors& errors, const std::string& name, const toml::table& 
 /// The frames that the outputs' names tell of.
 Words frames_of(const RobotFile& robot) {
   Words frames;
-  for (const std::string& output : robot.outputs) {
+  for (const std::string& output : robot.names.outputs) {
     const std::size_t end = output.size() > 4 ? output.size() - 4 : 0;
     if (end == 0 || output.compare(end, 4, "_x_m") != 0) continue;
     const std::string frame = output.substr(0, end);
     bool whole = true;
-    for (const std::string& name : frame_output_names(frame)) whole = whole && index_of(robot.outputs, name) >= 0;
+    for (const std::string& name : frame_output_names(frame)) whole = whole && index_of(robot.names.outputs, name) >= 0;
     if (whole) frames.push_back(frame);
   }
   return frames;
@@ -119,19 +119,19 @@ bool read_triple(SectionReader& section, const std::string& key, std::array<doub
 
 void read_outputs(SectionReader& section, RobotFile& robot, TaskRows& rows) {
   if (!section.has("outputs") && !section.has("frames") && !section.has("clearance")) return;
-  std::vector<tiller_output_cost_t> costs = no_costs(robot.outputs.size());
+  std::vector<tiller_output_cost_t> costs = no_costs(robot.names.outputs.size());
   std::set<std::string> taken;
   each_named(section, "frames", frames_of(robot), "frame", [&](const std::string& name, const toml::table& table) {
     read_frame(section.errors(), name, table, robot, costs, taken);
   });
   rows.clearance = read_clearance(section, robot, costs);
   for (const ClearanceOutput& bounded : rows.clearance) taken.insert(bounded.output);
-  each_named(section, "outputs", robot.outputs, "output", [&](const std::string& name, const toml::table& table) {
+  each_named(section, "outputs", robot.names.outputs, "output", [&](const std::string& name, const toml::table& table) {
     if (taken.count(name) > 0)
       return section.errors().at(*section.node("outputs"), "cost.outputs." + name,
                                  "is part of a frame or of the clearance, which are told already",
                                  "leave one of the two out");
-    read_output(section.errors(), name, table, costs[static_cast<std::size_t>(index_of(robot.outputs, name))]);
+    read_output(section.errors(), name, table, costs[static_cast<std::size_t>(index_of(robot.names.outputs, name))]);
   });
   rows.outputs = std::move(costs);
   if (rows.outputs.empty()) return;

@@ -110,9 +110,9 @@ void read_effect_params(SectionReader& section, const EffectInfo& info, const st
   const Words meant = section.refuse_unknown(names);
   for (int i = 0; i < info.param_count; ++i) {
     const std::string& name = names[static_cast<std::size_t>(i)];
-    robot.params.push_back(port + "." + name);
-    if (robot.params.size() > TILLER_MAX_PARAMS) continue;
-    tiller_prior_t& prior = robot.config.priors[robot.params.size() - 1];
+    robot.names.params.push_back(port + "." + name);
+    if (robot.names.params.size() > TILLER_MAX_PARAMS) continue;
+    tiller_prior_t& prior = robot.config.priors[robot.names.params.size() - 1];
     if (const toml::node* node = section.node(name)) {
       read_prior(section.errors(), *node, section.path_of(name), info.params[i].low, info.params[i].high, prior);
     } else if (info.learnt) {
@@ -132,11 +132,11 @@ void read_effect(FileErrors& errors, const toml::table& table, std::size_t index
   if (!kind) return;
   const EffectInfo& info = effect_info(*kind);
   Words known;
-  const int port_index = find_port_index(*robot.model, info.port, port.value_or(""), known);
+  const int port_index = find_port_index(*robot.config.model, info.port, port.value_or(""), known);
   const std::string what = port_kind_name(info.port);
-  if (info.port == PortKind::joint && robot.model->joint_count == 0) {
+  if (info.port == PortKind::joint && robot.config.model->joint_count == 0) {
     section.error("kind",
-                  std::string(info.name) + " acts at a joint, and " + robot.model->name +
+                  std::string(info.name) + " acts at a joint, and " + robot.config.model->name +
                       " has none (a kinematic model moves without forces)",
                   "choose among the effects of an input, a sensor or the body (`tiller effects`), or leave it out");
     return;
@@ -145,9 +145,9 @@ void read_effect(FileErrors& errors, const toml::table& table, std::size_t index
     if (info.port != PortKind::body)
       section.missing("port", "write port = one of the model's " + what + "s: " + join(known));
   } else if (port && port_index < 0) {
-    section.error("port", std::string(robot.model->name) + " has no " + what + " of that name for " + info.name,
+    section.error("port", std::string(robot.config.model->name) + " has no " + what + " of that name for " + info.name,
                   remedy_for_unknown(*port, known));
-  } else if (port && !port_fits(info, static_cast<std::uint32_t>(port_index), *robot.model)) {
+  } else if (port && !port_fits(info, static_cast<std::uint32_t>(port_index), *robot.config.model)) {
     section.error("port",
                   *port + std::string(" has no ") + (info.needs_position ? "position" : "drive") + ", which " +
                       info.name + " needs",
@@ -204,7 +204,7 @@ void read_prior(FileErrors& errors, const toml::node& node, const std::string& p
 void read_parameters(FileErrors& errors, const toml::table& root, RobotFile& robot) {
   const toml::table* table = section_table(errors, root, "parameters");
   SectionReader section(errors, "parameters", "parameters", table);
-  const Words names(robot.params.begin(), robot.params.begin() + robot.model->param_count);
+  const Words names(robot.names.params.begin(), robot.names.params.begin() + robot.config.model->param_count);
   const Words meant = section.refuse_unknown(names);
   Words lacking;
   for (std::size_t i = 0; i < names.size(); ++i) {
@@ -217,7 +217,7 @@ void read_parameters(FileErrors& errors, const toml::table& root, RobotFile& rob
   if (!lacking.empty()) {
     errors.missing(
         table, "parameters." + join(lacking, ", parameters."),
-        std::string("every parameter of ") + robot.model->name + " needs a value or a prior: " + kPriorRemedy);
+        std::string("every parameter of ") + robot.config.model->name + " needs a value or a prior: " + kPriorRemedy);
   }
 }
 
@@ -236,11 +236,12 @@ void read_effects(FileErrors& errors, const toml::table& root, RobotFile& robot)
       }
     }
   }
-  if (robot.params.size() > TILLER_MAX_PARAMS) {
-    errors.at_table(*node, "effects", "model and effects have " + std::to_string(robot.params.size()) + " parameters",
+  if (robot.names.params.size() > TILLER_MAX_PARAMS) {
+    errors.at_table(*node, "effects",
+                    "model and effects have " + std::to_string(robot.names.params.size()) + " parameters",
                     "keep at most " + std::to_string(TILLER_MAX_PARAMS));
   }
-  robot.config.param_count = static_cast<std::uint32_t>(robot.params.size());
+  robot.config.param_count = static_cast<std::uint32_t>(robot.names.params.size());
 }
 
 }  // namespace tiller::tools

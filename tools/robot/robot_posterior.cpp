@@ -50,15 +50,16 @@ void read_drift(SectionReader& posterior, RobotFile& robot) {
   if (!node) return;
   const toml::array* list = node->as_array();
   if (!list) {
-    posterior.error("drift", "is not a list of parameters", "for example drift = [\"" + robot.params.front() + "\"]");
+    posterior.error("drift", "is not a list of parameters",
+                    "for example drift = [\"" + robot.names.params.front() + "\"]");
     return;
   }
   for (const toml::node& element : *list) {
     const std::optional<std::string> name = element.value<std::string>();
-    const int row = name ? index_of(robot.params, *name) : -1;
+    const int row = name ? index_of(robot.names.params, *name) : -1;
     if (row < 0) {
       posterior.error("drift", name ? "names \"" + *name + "\"" : "holds " + kind_text(element),
-                      "write parameters of this robot: " + join(robot.params));
+                      "write parameters of this robot: " + join(robot.names.params));
       return;
     }
     if (robot.config.priors[row].kind == tiller_prior_fixed) {

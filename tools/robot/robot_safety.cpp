@@ -72,16 +72,16 @@ void read_measurements(FileErrors& errors, const toml::table& root, RobotFile& r
   robot.config.measurement_count = 0;
   if (!table || table->empty()) {
     errors.missing(table, "[measurement]",
-                   "name at least one measured state, e.g. " + robot.states.front() +
-                       " = { sd = 0.001 }; states: " + join(robot.states));
+                   "name at least one measured state, e.g. " + robot.names.states.front() +
+                       " = { sd = 0.001 }; states: " + join(robot.names.states));
     return;
   }
   for (const Entry& entry : in_file_order(*table)) {
     const std::string path = "measurement." + entry.name;
-    const int state = index_of(robot.states, entry.name);
+    const int state = index_of(robot.names.states, entry.name);
     if (state < 0) {
-      errors.at(*entry.node, path, std::string(robot.model->name) + " has no state of that name",
-                remedy_for_unknown(entry.name, robot.states));
+      errors.at(*entry.node, path, std::string(robot.config.model->name) + " has no state of that name",
+                remedy_for_unknown(entry.name, robot.names.states));
       continue;
     }
     if (!entry.node->is_table()) {
@@ -89,7 +89,7 @@ void read_measurements(FileErrors& errors, const toml::table& root, RobotFile& r
       continue;
     }
     read_measurement(errors, entry, robot);
-    robot.measurements.push_back(entry.name);
+    robot.names.measurements.push_back(entry.name);
     robot.config.measured_state[robot.config.measurement_count++] = static_cast<std::uint8_t>(state);
   }
 }
@@ -98,10 +98,11 @@ void read_limits(FileErrors& errors, const toml::table& root, RobotFile& robot) 
   const toml::table* table = section_table(errors, root, "limits");
   if (table) {
     for (const Entry& entry : in_file_order(*table)) {
-      const int input = index_of(robot.inputs, entry.name);
+      const int input = index_of(robot.names.inputs, entry.name);
       if (input < 0) {
-        errors.at(*entry.node, "limits." + entry.name, std::string(robot.model->name) + " has no input of that name",
-                  remedy_for_unknown(entry.name, robot.inputs));
+        errors.at(*entry.node, "limits." + entry.name,
+                  std::string(robot.config.model->name) + " has no input of that name",
+                  remedy_for_unknown(entry.name, robot.names.inputs));
       } else if (!entry.node->is_table()) {
         errors.at(*entry.node, "limits." + entry.name, "is " + kind_text(*entry.node),
                   "write { low = ..., high = ... }");
@@ -110,7 +111,7 @@ void read_limits(FileErrors& errors, const toml::table& root, RobotFile& robot) 
       }
     }
   }
-  for (const std::string& input : robot.inputs) {
+  for (const std::string& input : robot.names.inputs) {
     if (table && table->contains(input)) continue;
     errors.missing(table, "limits." + input,
                    "every input needs limits: " + input + " = { low = ..., high = ... } below [limits]");
@@ -127,9 +128,10 @@ void read_hold_gain(SectionReader& safety, RobotFile& robot) {
   for (auto&& [input_name, row] : *table) {
     const std::string input(input_name.str());
     const std::string path = safety.path_of("hold_gain." + input);
-    const int u = index_of(robot.inputs, input);
+    const int u = index_of(robot.names.inputs, input);
     if (u < 0) {
-      safety.errors().at(row, path, "the model has no input of that name", remedy_for_unknown(input, robot.inputs));
+      safety.errors().at(row, path, "the model has no input of that name",
+                         remedy_for_unknown(input, robot.names.inputs));
       continue;
     }
     if (!row.is_table()) {
@@ -138,12 +140,12 @@ void read_hold_gain(SectionReader& safety, RobotFile& robot) {
     }
     for (auto&& [state_name, gain] : *row.as_table()) {
       const std::string state(state_name.str());
-      const int x = index_of(robot.states, state);
+      const int x = index_of(robot.names.states, state);
       if (x < 0) {
         safety.errors().at(gain, path + "." + state, "the model has no state of that name",
-                           remedy_for_unknown(state, robot.states));
+                           remedy_for_unknown(state, robot.names.states));
       } else if (const auto value = checked_number(safety.errors(), gain, path + "." + state, spec)) {
-        robot.config.hold_gain[static_cast<std::size_t>(u) * robot.states.size() + static_cast<std::size_t>(x)] =
+        robot.config.hold_gain[static_cast<std::size_t>(u) * robot.names.states.size() + static_cast<std::size_t>(x)] =
             *value;
       }
     }

@@ -44,6 +44,9 @@ void read_log_map(FileErrors& errors, const toml::table& root, RobotFile& robot)
 /// After the parameters and effects: it may name them.
 void read_figure(FileErrors& errors, const toml::table& root, RobotFile& robot);
 
+/// Errors that only the library's own check sees: multiples, and combinations of values.
+void check_whole(FileErrors& errors, const toml::table& root, const RobotFile& robot);
+
 /// A key of a table with its value.
 struct Entry {
   std::string name;

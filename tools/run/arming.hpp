@@ -23,7 +23,6 @@ class Arming {
   /// Whether the step before has armed by an operator's decision: the task begins.
   bool begins_task() const { return begins_; }
   bool at_once() const { return at_once_; }
-  bool is_armed() const { return armed_; }
   bool was_armed() const { return ever_; }
   std::string help() const;
 

@@ -65,14 +65,14 @@ class Series {
 
   RunOptions run_options(std::vector<double> true_params) const {
     RunOptions run = options_.run;
-    run.true_params = std::move(true_params);
+    run.files.true_params = std::move(true_params);
     run.await_start = !options_.simulated && options_.episodes > 1;
     run.keep_rows = static_cast<bool>(options_.refit);
     if (options_.episodes == 1) return run;
     run.quiet = true;
-    run.log = numbered(run.log, index() + 1);
-    for (std::string& record : run.records) record = numbered(record, index() + 1);
-    run.alarm_log = numbered(run.alarm_log, index() + 1);
+    run.files.log = numbered(run.files.log, index() + 1);
+    for (std::string& record : run.files.records) record = numbered(record, index() + 1);
+    run.files.alarm_log = numbered(run.files.alarm_log, index() + 1);
     return run;
   }
 
@@ -87,7 +87,7 @@ class Series {
     Log log;
     std::string error;
     RefittedPrior refitted;
-    if (!result.rows.finish(episode, "ticks with a measurement", *now.model, log, error))
+    if (!result.rows.finish(episode, "ticks with a measurement", *now.config.model, log, error))
       return fail(error + "; make the episodes longer (--seconds); the prior stays as it was");
     if (!options_.refit(now, log, refitted, error)) return fail(episode + ": " + error + "; the prior stays as it was");
     row.mean = std::move(refitted.mean);
@@ -128,7 +128,7 @@ class Series {
 
  private:
   StoredPosterior online(const RunResult& result) const {
-    StoredPosterior next = store_posterior(robot_.config, robot_.params, result.particles);
+    StoredPosterior next = store_posterior(robot_.config, robot_.names.params, result.particles);
     next.noise_scale = result.info.noise_scale;
     next.exponent = result.info.likelihood_exponent;
     return next;
@@ -166,7 +166,7 @@ void tell(const RobotFile& robot, const EpisodeRow& row, const RunResult& result
       format("episode %llu: cost %.4g over %.2f s", static_cast<unsigned long long>(row.episode), row.cost, row.time_s);
   const auto inferred = inferred_of(robot.config);
   for (std::size_t j = 0; j < inferred.size(); ++j)
-    text += format("%s %s %s +- %.2g", j ? "," : ";", robot.params[inferred[j]].c_str(),
+    text += format("%s %s %s +- %.2g", j ? "," : ";", robot.names.params[inferred[j]].c_str(),
                    mean_text(row.mean[j], row.sd[j]).c_str(), row.sd[j]);
   if (result.info.likelihood_exponent < 1.0 && robot.config.posterior.enabled)
     text += format("; not converged, exponent %.2f", result.info.likelihood_exponent);
@@ -234,7 +234,7 @@ EpisodesResult run_episodes(RobotFile robot, const EpisodesOptions& options, con
 std::string episodes_table(const RobotFile& robot, const std::vector<EpisodeRow>& rows) {
   const auto inferred = inferred_of(robot.config);
   std::string text = format("%8s %12s", "episode", "cost");
-  for (const std::uint32_t i : inferred) text += format(" %26s", robot.params[i].c_str());
+  for (const std::uint32_t i : inferred) text += format(" %26s", robot.names.params[i].c_str());
   text += "\n";
   for (const EpisodeRow& row : rows) {
     text += format("%8llu %12.4g", static_cast<unsigned long long>(row.episode), row.cost);

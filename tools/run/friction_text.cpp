@@ -15,7 +15,7 @@ namespace {
 constexpr double kSure = 3.5;
 
 bool slides(const RobotFile& robot, std::uint32_t joint) {
-  return unit_of_field(robot.model->force_names[robot.model->joints[joint].force]) == "N";
+  return unit_of_field(robot.config.model->force_names[robot.config.model->joints[joint].force]) == "N";
 }
 
 std::string amount(double mean, double sd, const char* unit) {
@@ -38,7 +38,7 @@ std::string viscous_text(const RobotFile& robot, const tiller_info_t& info, std:
 Words friction_lines(const RobotFile& robot, const tiller_info_t& info) {
   Words lines;
   for (std::uint32_t j = 0; j < Posterior::force_joints(robot.config); ++j) {
-    const std::string joint = std::string("joint ") + robot.model->joints[j].name + ": ";
+    const std::string joint = std::string("joint ") + robot.config.model->joints[j].name + ": ";
     if (const std::string dry = dry_text(robot, info, j); !dry.empty())
       lines.push_back(joint + "dry friction beyond the model, " + dry);
     if (const std::string viscous = viscous_text(robot, info, j); !viscous.empty())

@@ -34,8 +34,7 @@ void rehearse(const tiller_config_t& config, tiller_t* rehearsal) {
 
 }  // namespace
 
-bool HostController::lay_out(const tiller_config_t& config, bool touch, Block& block, tiller_t*& controller,
-                             std::string& error) {
+bool HostController::lay_out(const tiller_config_t& config, Block& block, tiller_t*& controller, std::string& error) {
   constexpr std::size_t alignment = TILLER_ALIGNMENT;
   const std::size_t size = tiller_size(&config);
   if (size > 0) block.reset(std::aligned_alloc(alignment, (size + alignment - 1) / alignment * alignment));
@@ -46,12 +45,12 @@ bool HostController::lay_out(const tiller_config_t& config, bool touch, Block& b
     return false;
   }
   const tiller_status_t status = tiller_init(&controller, &config, &hooks_, block.get(), size);
-  if (touch) touch_pages(block.get(), size);
+  if (real_time_) touch_pages(block.get(), size);
   if (status != tiller_status_ok) error = tiller_status_text(status);
   return status == tiller_status_ok;
 }
 
-bool HostController::make(const RobotFile& robot, const tiller_config_t& config, bool touch, std::string& error) {
+bool HostController::make(const tiller_config_t& config, std::string& error) {
   hooks_.size = sizeof hooks_;
   hooks_.version = TILLER_CONFIG_VERSION;
   hooks_.context = &pool_;
@@ -59,11 +58,11 @@ bool HostController::make(const RobotFile& robot, const tiller_config_t& config,
   hooks_.parallel_for = pool_.size() > 1 ? parallel_for : nullptr;
   Block spare;
   tiller_t* rehearsal = nullptr;
-  if (lay_out(config, touch, spare, rehearsal, error) && lay_out(config, touch, block_, controller_, error)) {
+  if (lay_out(config, spare, rehearsal, error) && lay_out(config, block_, controller_, error)) {
     rehearse(config, rehearsal);
     return true;
   }
-  error = robot.path + ": " + error;
+  error = robot_.path + ": " + error;
   return false;
 }
 

@@ -32,14 +32,14 @@ std::string time_text(double time_s, double end_s) {
   return end_s > 0 ? format("%6.2f / %.0f s", time_s, end_s) : format("%6.2f s", time_s);
 }
 
-std::string tick_text(const TickView& tick, std::uint32_t deadline_us) {
+std::string tick_text(const LoggedTick& tick, std::uint32_t deadline_us) {
   std::string text = format("%.2f ms", tick.tick_us / 1000);
   if (deadline_us > 0) text += format(" of %.1f ms", deadline_us / 1000.0);
   return text;
 }
 
-bool stands_by(const TickView& tick) {
-  return tick.info->state == tiller_state_init || tick.info->state == tiller_state_standby;
+bool stands_by(const LoggedTick& tick) {
+  return tick.info.state == tiller_state_init || tick.info.state == tiller_state_standby;
 }
 
 /// Where the posterior stands inside the prior's middle 90 %: "[...===|===...]".
@@ -73,8 +73,8 @@ Progress::Style Progress::style_for_stdout(bool quiet) {
   return isatty(STDOUT_FILENO) ? Style::block : Style::lines;
 }
 
-std::string Progress::line(const TickView& tick) const {
-  const tiller_info_t& info = *tick.info;
+std::string Progress::line(const LoggedTick& tick) const {
+  const tiller_info_t& info = tick.info;
   std::string text =
       time_text(tick.time_s, end_s_) + "  " + upper(tiller_state_name(static_cast<tiller_state_t>(info.state)));
   if (stands_by(tick)) {
@@ -82,49 +82,49 @@ std::string Progress::line(const TickView& tick) const {
     if (tick.status != tiller_status_ok) text += std::string("  ") + tiller_status_name(tick.status);
     return text;
   }
-  for (std::size_t i = 0; i < robot_.states.size(); ++i) {
-    text += format("  %s %.3f", robot_.states[i].c_str(), info.state_mean[i]);
+  for (std::size_t i = 0; i < robot_.names.states.size(); ++i) {
+    text += format("  %s %.3f", robot_.names.states[i].c_str(), info.state_mean[i]);
   }
   text += format("  cost %.4g", info.plan_cost);
-  for (std::size_t i = 0; i < robot_.params.size(); ++i) {
+  for (std::size_t i = 0; i < robot_.names.params.size(); ++i) {
     if (robot_.config.priors[i].kind == tiller_prior_fixed) continue;
-    text += format("  %s %s +- %.2g", robot_.params[i].c_str(), mean_text(info.param_mean[i], info.param_sd[i]).c_str(),
-                   info.param_sd[i]);
+    text += format("  %s %s +- %.2g", robot_.names.params[i].c_str(),
+                   mean_text(info.param_mean[i], info.param_sd[i]).c_str(), info.param_sd[i]);
   }
   text += format("  ess %.0f", info.effective_samples);
   text += "  tick " + tick_text(tick, robot_.config.planner.deadline_us);
   if (tick.status != tiller_status_ok) text += std::string("  ") + tiller_status_name(tick.status);
-  if (tick.log_status != tiller_status_ok) text += std::string("  log: ") + tiller_status_name(tick.log_status);
+  if (tick.log.status != tiller_status_ok) text += std::string("  log: ") + tiller_status_name(tick.log.status);
   return text;
 }
 
-std::string Progress::head(const TickView& tick) const {
-  const tiller_info_t& info = *tick.info;
+std::string Progress::head(const LoggedTick& tick) const {
+  const tiller_info_t& info = tick.info;
   std::string text = format("  time    %s   %-7s  %s", time_text(tick.time_s, end_s_).c_str(),
                             upper(tiller_state_name(static_cast<tiller_state_t>(info.state))).c_str(),
                             tick.status == tiller_status_ok ? "" : tiller_status_name(tick.status));
-  if (tick.log_status != tiller_status_ok) text += std::string("  log: ") + tiller_status_name(tick.log_status);
+  if (tick.log.status != tiller_status_ok) text += std::string("  log: ") + tiller_status_name(tick.log.status);
   return text + "\n";
 }
 
-std::string Progress::block(const TickView& tick) const {
-  const tiller_info_t& info = *tick.info;
+std::string Progress::block(const LoggedTick& tick) const {
+  const tiller_info_t& info = tick.info;
   std::string text = head(tick);
   if (stands_by(tick)) return text + sensors_.block();
   text += "  state ";
-  for (std::size_t i = 0; i < robot_.states.size(); ++i) {
-    text += format("  %s %+.3f", robot_.states[i].c_str(), info.state_mean[i]);
+  for (std::size_t i = 0; i < robot_.names.states.size(); ++i) {
+    text += format("  %s %+.3f", robot_.names.states[i].c_str(), info.state_mean[i]);
   }
   text += "\n  input ";
-  for (std::size_t i = 0; i < robot_.inputs.size(); ++i) {
-    text += format("  %s %+.2f", robot_.inputs[i].c_str(), tick.command->value[i]);
+  for (std::size_t i = 0; i < robot_.names.inputs.size(); ++i) {
+    text += format("  %s %+.2f", robot_.names.inputs[i].c_str(), tick.entry.record.command.value[i]);
   }
   text += format("   cost %.4g\n", info.plan_cost);
-  for (std::size_t i = 0; i < robot_.params.size(); ++i) {
+  for (std::size_t i = 0; i < robot_.names.params.size(); ++i) {
     const tiller_prior_t& prior = robot_.config.priors[i];
     if (prior.kind == tiller_prior_fixed) continue;
-    text += format("  %-24s %9.4g +- %-8.2g", robot_.params[i].c_str(), info.param_mean[i], info.param_sd[i]);
-    if (tick.q05 && tick.q95) text += bar(prior, tick.q05[i], tick.q95[i], info.param_mean[i]);
+    text += format("  %-24s %9.4g +- %-8.2g", robot_.names.params[i].c_str(), info.param_mean[i], info.param_sd[i]);
+    text += bar(prior, tick.q05[i], tick.q95[i], info.param_mean[i]);
     if (i < true_params_.size() && std::isfinite(true_params_[i])) text += format("  true %.4g", true_params_[i]);
     text += "\n";
   }
@@ -133,7 +133,7 @@ std::string Progress::block(const TickView& tick) const {
   return text;
 }
 
-void Progress::draw(const TickView& tick) {
+void Progress::draw(const LoggedTick& tick) {
   const std::string text = block(tick);
   std::string out;
   // and what a longer block left below this one
@@ -148,8 +148,9 @@ void Progress::draw(const TickView& tick) {
   std::fflush(stdout);
 }
 
-void Progress::show(const TickView& tick) {
-  if (style_ != Style::silent && tick.measurement != nullptr && stands_by(tick)) sensors_.take(*tick.measurement);
+void Progress::show(const LoggedTick& tick) {
+  const tiller_record_t& record = tick.entry.record;
+  if (style_ != Style::silent && record.has_measurement != 0 && stands_by(tick)) sensors_.take(record.measurement);
   if (style_ == Style::lines && tick.time_s >= next_line_s_ - 1e-9) {
     if (stdout_takes()) {
       std::printf("%s\n", line(tick).c_str());
@@ -164,11 +165,12 @@ void Progress::show(const TickView& tick) {
   if (stdout_takes()) draw(tick);
 }
 
-void Progress::finish(const TickView& tick) {
+void Progress::finish(const LoggedTick& tick) {
   if (style_ == Style::block) draw(tick);
 }
 
-void Progress::say(const std::string& text) {
+void Progress::say(const std::string& text, bool must) {
+  if (must && style_ == Style::silent) std::fprintf(stderr, "tiller: %s\n", text.c_str());
   if (style_ == Style::silent || !stdout_takes()) return;
   std::printf("%s%s\n", style_ == Style::block ? "\033[K" : "", text.c_str());
   std::fflush(stdout);

@@ -22,18 +22,18 @@ class Progress {
   /// In robot time; 0: no end is known.
   void set_end(double end_s) { end_s_ = end_s; }
 
-  void show(const TickView& tick);
+  void show(const LoggedTick& tick);
   /// Shows the last tick once more and leaves the block standing.
-  void finish(const TickView& tick);
-  /// A sentence between the blocks or lines.
-  void say(const std::string& text);
+  void finish(const LoggedTick& tick);
+  /// A sentence between the blocks or lines; one that must not be missed goes to stderr where the screen is silent.
+  void say(const std::string& text, bool must = false);
 
-  std::string block(const TickView& tick) const;  ///< several lines
-  std::string line(const TickView& tick) const;
+  std::string block(const LoggedTick& tick) const;  ///< several lines
+  std::string line(const LoggedTick& tick) const;
 
  private:
-  void draw(const TickView& tick);
-  std::string head(const TickView& tick) const;
+  void draw(const LoggedTick& tick);
+  std::string head(const LoggedTick& tick) const;
 
   const RobotFile& robot_;
   Style style_;

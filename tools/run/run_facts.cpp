@@ -34,7 +34,7 @@ std::string adequacy_text(const RobotFile& robot, const RunResult& result) {
   if (info.adequacy == tiller_adequacy_untested) return "not tested";
   if (info.adequacy == tiller_adequacy_adequate) return "adequate";
   const std::string force = systematic_force_text(robot, info);
-  return format("%.2f s: ", result.inadequate_at_s) + robot.measurements[info.inadequate_channel] + ", " +
+  return format("%.2f s: ", result.inadequate_at_s) + robot.names.measurements[info.inadequate_channel] + ", " +
          tiller_feature_name(static_cast<tiller_feature_t>(info.inadequate_feature)) +
          (force.empty() ? "" : ": " + force);
 }
@@ -42,7 +42,7 @@ std::string adequacy_text(const RobotFile& robot, const RunResult& result) {
 Json facts(const RobotFile& robot, const RunResult& result) {
   const tiller_config_t& c = robot.config;
   Json all = {{"robot file", std::filesystem::path(robot.path).filename().string()},
-              {"model", robot.model->name},
+              {"model", robot.config.model->name},
               {"planner", planner_names()[c.planner.kind]},
               {"posterior", c.posterior.enabled ? std::to_string(c.posterior.particles) + " particles" : "frozen"},
               {"period", number_text(1000 * c.period_s) + " ms"},
@@ -82,8 +82,8 @@ bool is_weighed(const tiller_cost_config_t& cost, std::size_t state) {
 Json plane_of(const RobotFile& robot) {
   const tiller_cost_config_t& cost = robot.config.cost;
   std::vector<std::size_t> axes;
-  for (std::size_t i = 0; i < robot.states.size(); ++i)
-    if (unit_of_field(robot.states[i]) == "m") axes.push_back(i);
+  for (std::size_t i = 0; i < robot.names.states.size(); ++i)
+    if (unit_of_field(robot.names.states[i]) == "m") axes.push_back(i);
   const auto is_circle = [](const tiller_cost_term_t& term) { return cost_term_info(term.kind).circle; };
   const tiller_cost_term_t* const end = cost.terms + cost.term_count;
   const tiller_cost_term_t* const first = std::find_if(cost.terms, end, is_circle);
@@ -91,11 +91,11 @@ Json plane_of(const RobotFile& robot) {
   if (axes.size() != 2) {
     axes.clear();
     for (const char* name : {"x_m", "y_m"})
-      for (std::size_t i = 0; i < robot.states.size(); ++i)
-        if (robot.states[i] == name) axes.push_back(i);
+      for (std::size_t i = 0; i < robot.names.states.size(); ++i)
+        if (robot.names.states[i] == name) axes.push_back(i);
   }
   if (axes.size() != 2) return nullptr;
-  Json plane = {{"x", robot.states[axes[0]]}, {"y", robot.states[axes[1]]}, {"obstacles", Json::array()}};
+  Json plane = {{"x", robot.names.states[axes[0]]}, {"y", robot.names.states[axes[1]]}, {"obstacles", Json::array()}};
   for (const tiller_cost_term_t* o = first; o != end; ++o)
     if (is_circle(*o) && o->states[0] == axes[0] && o->states[1] == axes[1])
       plane["obstacles"].push_back(Json::array({o->params[0], o->params[1], o->params[2]}));
@@ -105,25 +105,22 @@ Json plane_of(const RobotFile& robot) {
 /// Meaning of each column of the log: a reader that told commands from counters by their names would draw the counters
 /// that a later version adds.
 Json columns(const RobotFile& robot) {
-  const Words all = parameter_units(robot.config, robot.params);
+  const Words all = parameter_units(robot.config, robot.names.params);
   Words inferred, units;
-  for (std::size_t i = 0; i < robot.params.size(); ++i) {
+  for (std::size_t i = 0; i < robot.names.params.size(); ++i) {
     if (robot.config.priors[i].kind == tiller_prior_fixed) continue;
-    inferred.push_back(robot.params[i]);
+    inferred.push_back(robot.names.params[i]);
     units.push_back(all[i]);
   }
   Words angles;
-  for (std::size_t i = 0; i < robot.states.size(); ++i)
-    if ((robot.model->angle_mask >> i & 1u) != 0) angles.push_back(robot.states[i]);
+  for (std::size_t i = 0; i < robot.names.states.size(); ++i)
+    if ((robot.config.model->angle_mask >> i & 1u) != 0) angles.push_back(robot.names.states[i]);
   Words tracked;
-  for (std::size_t i = 0; i < robot.states.size(); ++i)
-    if (robot.config.cost.reference && is_weighed(robot.config.cost, i)) tracked.push_back(robot.states[i]);
-  return {{"states", with_units(robot.states)},
-          {"angles", angles},
-          {"measured", robot.measurements},
-          {"inputs", with_units(robot.inputs)},
-          {"parameters", with_units(inferred, units)},
-          {"tracked", tracked}};
+  for (std::size_t i = 0; i < robot.names.states.size(); ++i)
+    if (robot.config.cost.reference && is_weighed(robot.config.cost, i)) tracked.push_back(robot.names.states[i]);
+  return {{"states", with_units(robot.names.states)},  {"angles", angles},
+          {"measured", robot.names.measurements},      {"inputs", with_units(robot.names.inputs)},
+          {"parameters", with_units(inferred, units)}, {"tracked", tracked}};
 }
 
 /// Outputs that have a cost, and the frames that are wanted somewhere, whose rotation is no nine curves.
@@ -131,29 +128,29 @@ void add_outputs(const RobotFile& robot, Json& json) {
   const tiller_cost_config_t& c = robot.config.cost;
   Json outputs = Json::object(), frames = Json::array(), target = Json::object();
   const auto weighed = [&](const std::string& name) {
-    const int at = index_of(robot.outputs, name);
+    const int at = index_of(robot.names.outputs, name);
     return at >= 0 && (c.outputs[at].weight > 0 || c.outputs[at].terminal_weight > 0 || c.outputs[at].bound_weight > 0);
   };
   // of pairs of spheres the page shows the nearest alone
   Json clearance = Json::object(), bounds = Json::object();
-  if (robot.rows)
-    for (const ClearanceOutput& pair : robot.rows->clearance)
+  if (robot.memory.rows)
+    for (const ClearanceOutput& pair : robot.memory.rows->clearance)
       clearance[pair.output] = {{"radii_m", pair.radii_m}, {"margin_m", pair.margin_m}};
   const auto bounds_of = [](const tiller_output_cost_t& o) {
     return Json::array({std::isfinite(o.low) ? Json(o.low) : Json(), std::isfinite(o.high) ? Json(o.high) : Json()});
   };
   std::set<std::string> rotations;
-  for (const std::string& output : robot.outputs) {
+  for (const std::string& output : robot.names.outputs) {
     if (output.size() < 5 || output.compare(output.size() - 4, 4, "_x_m") != 0) continue;
     const std::string frame = output.substr(0, output.size() - 4);
     const auto names = frame_output_names(frame);
-    if (index_of(robot.outputs, names.back()) < 0) continue;
+    if (index_of(robot.names.outputs, names.back()) < 0) continue;
     rotations.insert(names.begin() + 3, names.end());
     if (weighed(names[0]) || weighed(names[3]))
       frames.push_back({{"name", frame}, {"moves", weighed(names[0])}, {"turns", weighed(names[3])}});
   }
-  for (std::size_t j = 0; j < robot.outputs.size(); ++j) {
-    const std::string& name = robot.outputs[j];
+  for (std::size_t j = 0; j < robot.names.outputs.size(); ++j) {
+    const std::string& name = robot.names.outputs[j];
     target[name] = c.outputs[j].target;
     if (!weighed(name) || rotations.count(name) > 0 || clearance.contains(name)) continue;
     outputs[name] = unit_of_field(name);
@@ -211,11 +208,11 @@ void add_figure(const RobotFile& robot, const std::vector<double>& true_params, 
   for (const FigurePoint& goal : robot.figure.goals_m) figure["goals_m"].push_back(values_json(goal));
   for (const FigureLink& link : robot.figure.links) figure["links"].push_back(link_json(link));
   figure["parameters"] = figure["true_parameters"] = Json::object();
-  for (std::size_t i = 0; i < robot.params.size(); ++i) {
+  for (std::size_t i = 0; i < robot.names.params.size(); ++i) {
     if (robot.config.priors[i].kind == tiller_prior_fixed)
-      figure["parameters"][robot.params[i]] = robot.config.priors[i].a;
+      figure["parameters"][robot.names.params[i]] = robot.config.priors[i].a;
     if (i < true_params.size() && std::isfinite(true_params[i]))
-      figure["true_parameters"][robot.params[i]] = true_params[i];
+      figure["true_parameters"][robot.names.params[i]] = true_params[i];
   }
   json["figure"] = figure;
 }
@@ -228,11 +225,11 @@ std::string run_facts_json(const RobotFile& robot, const RunResult& result, cons
   if (!story.outcome.empty()) json["outcome"] = story.outcome;
   json["columns"] = columns(robot);
   if (c.cost.outputs) add_outputs(robot, json);
-  for (std::size_t i = 0; i < robot.inputs.size(); ++i) {
-    json["limits"][robot.inputs[i]] = Json::array({c.safety.input_low[i], c.safety.input_high[i]});
+  for (std::size_t i = 0; i < robot.names.inputs.size(); ++i) {
+    json["limits"][robot.names.inputs[i]] = Json::array({c.safety.input_low[i], c.safety.input_high[i]});
   }
-  for (std::size_t i = 0; i < robot.states.size(); ++i)  // of a reference the log has the rows
-    if (!c.cost.reference && is_weighed(c.cost, i)) json["target"][robot.states[i]] = c.cost.target[i];
+  for (std::size_t i = 0; i < robot.names.states.size(); ++i)  // of a reference the log has the rows
+    if (!c.cost.reference && is_weighed(c.cost, i)) json["target"][robot.names.states[i]] = c.cost.target[i];
   for (std::uint32_t j = 0; j < Posterior::force_joints(c); ++j) {
     const tiller_joint_t& joint = c.model->joints[j];
     const std::string name = c.model->force_names[joint.force];
@@ -243,12 +240,13 @@ std::string run_facts_json(const RobotFile& robot, const RunResult& result, cons
   const FrameForces frames(c);
   for (const std::string& name : frames.names()) json["columns"]["forces"][name] = unit_of_field(name);
   if (const Json plane = plane_of(robot); !plane.is_null()) json["plane"] = plane;
-  for (std::size_t i = 0; i < robot.params.size(); ++i) {
-    if (c.priors[i].kind != tiller_prior_fixed) json["priors"][robot.params[i]] = prior_range(c.priors[i]);
+  for (std::size_t i = 0; i < robot.names.params.size(); ++i) {
+    if (c.priors[i].kind != tiller_prior_fixed) json["priors"][robot.names.params[i]] = prior_range(c.priors[i]);
   }
-  const std::vector<PriorEdge> edges = find_prior_edges(robot.config, robot.params, result.particles);
+  const std::vector<PriorEdge> edges = find_prior_edges(robot.config, robot.names.params, result.particles);
   for (std::size_t i = 0; i < edges.size() && c.posterior.enabled; ++i)
-    if (edges[i].side != EdgeSide::none) json["edges"][robot.params[i]] = edge_json(robot.params[i], edges[i]);
+    if (edges[i].side != EdgeSide::none)
+      json["edges"][robot.names.params[i]] = edge_json(robot.names.params[i], edges[i]);
   if (c.planner.predict_spread != 0) json["foreseen_s"] = Foresight::steps_ahead(c.planner.horizon) * c.period_s;
   json["facts"] = facts(robot, result);
   add_figure(robot, story.true_params, json);
@@ -256,7 +254,7 @@ std::string run_facts_json(const RobotFile& robot, const RunResult& result, cons
 }
 
 bool write_run_facts(const RobotFile& robot, const RunResult& result, const RunStory& story, std::string& error) {
-  const std::string path = std::filesystem::path(result.readable_log).replace_extension(".json").string();
+  const std::string path = std::filesystem::path(result.files.readable_log).replace_extension(".json").string();
   std::ofstream file(path);
   file << run_facts_json(robot, result, story);
   file.close();

@@ -7,7 +7,7 @@
 #include "tools/links/arm_source.hpp"
 #include "tools/links/lcm_goals.hpp"
 #include "tools/logs/measured_rows.hpp"
-#include "tools/logs/run_log.hpp"
+#include "tools/logs/recorder.hpp"
 #include "tools/robot/goals.hpp"
 #include "tools/robot/posterior_file.hpp"
 #include "tools/robot/robot_file.hpp"
@@ -23,15 +23,11 @@ struct RunOptions {
   double seconds = 0;
   unsigned threads = 1;
   bool quiet = false;
-  std::string log;                  ///< CSV; empty: none
-  Words records;                    ///< every input and output, for `tiller replay` (RecorderOptions)
-  bool real_time = false;           ///< the wall clock sets the pace: nothing waits for the disk
-  std::string alarm_log;            ///< CSV of the ticks about an inadequacy alarm (AlarmWindow); empty: none
-  double alarm_log_s = 20;          ///< its length
-  double first_wait_s = 10;         ///< wall time to wait for the first measurement
-  std::vector<Goal> goals;          ///< by time, counted like `seconds`; empty: the robot file's alone
-  LcmGoals* lcm_goals = nullptr;    ///< in their place: from whoever sends them
-  std::vector<double> true_params;  ///< (param_count) where the plant is in this process
+  RecorderOptions files;          ///< the run itself adds has_truth, goals, lossless and epoch_us
+  bool real_time = false;         ///< the wall clock sets the pace: nothing waits for the disk
+  double first_wait_s = 10;       ///< wall time to wait for the first measurement
+  std::vector<Goal> goals;        ///< by time, counted like `seconds`; empty: the robot file's alone
+  LcmGoals* lcm_goals = nullptr;  ///< in their place: from whoever sends them
   /// The safe command is sent, and nothing is learnt, until every measured state has stood within four deviations of
   /// the start's ([start] state, sd and the sensor's) for half a second: somebody puts the robot back.
   bool await_start = false;
@@ -50,15 +46,13 @@ struct RunResult {
   MeasuredRows rows;                    ///< what was measured and commanded, where RunOptions::keep_rows asks for it
   std::uint64_t transitions = 0;        ///< ticks with a new measurement after the first
   double cost = 0;                      ///< mean stage_cost(), of the true states where they are known
-  std::string readable_log;             ///< where the whole log is; empty: none
+  RecorderReport files;                 ///< what is in the logs
   LogState log;                         ///< of all logs, at the end
   PaceResult pace;
   std::uint64_t late_ticks = 0;                                  ///< over the planner's deadline, if it has one
   std::vector<double> contraction_ratio, contraction_direction;  // (d), (d x param_count): tiller_get_contraction
   bool interrupted = false;
   double inadequate_at_s = -1;  ///< robot time of the alarm; below zero: none
-  std::string alarm_log;        ///< where the ticks about the alarm are; empty: nowhere
-  double alarm_log_s = 0;       ///< how long they are
 };
 
 }  // namespace tiller::tools

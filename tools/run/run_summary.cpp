@@ -44,8 +44,8 @@ const char* systematic_force(tiller_feature_t feature) {
 std::uint32_t joint_of(const RobotFile& robot, std::uint32_t channel) {
   const std::uint32_t state = robot.config.measured_state[channel];
   std::uint32_t j = 0;
-  while (j < robot.model->joint_count && robot.model->joints[j].position != state &&
-         robot.model->joints[j].velocity != state)
+  while (j < robot.config.model->joint_count && robot.config.model->joints[j].position != state &&
+         robot.config.model->joints[j].velocity != state)
     ++j;
   return j;
 }
@@ -53,7 +53,7 @@ std::uint32_t joint_of(const RobotFile& robot, std::uint32_t channel) {
 /// How large the friction is that the alarm is about, if it is one that the posterior estimates; else empty.
 std::string followed_friction(const RobotFile& robot, const tiller_info_t& info) {
   const std::uint32_t joint = joint_of(robot, info.inadequate_channel);
-  if (robot.config.posterior.disturbance == 0 || joint == robot.model->joint_count) return "";
+  if (robot.config.posterior.disturbance == 0 || joint == robot.config.model->joint_count) return "";
   switch (info.inadequate_feature) {
     case tiller_feature_velocity: return viscous_text(robot, info, joint);
     case tiller_feature_velocity_sign: return dry_text(robot, info, joint);
@@ -65,7 +65,7 @@ std::string followed_friction(const RobotFile& robot, const tiller_info_t& info)
 std::string not_learnt(const RobotFile& robot, const RunResult& result) {
   constexpr double kKept = 0.25;   // of the prior's variance
   constexpr double kNamed = 0.25;  // smaller entries of a direction are left out
-  const std::size_t np = robot.params.size();
+  const std::size_t np = robot.names.params.size();
   std::string text;
   if (!robot.config.posterior.enabled) return text;
   for (std::size_t i = 0; i < result.contraction_ratio.size(); ++i) {
@@ -75,7 +75,7 @@ std::string not_learnt(const RobotFile& robot, const RunResult& result) {
     for (std::size_t p = 0; p < np; ++p) {
       const double entry = result.contraction_direction[i * np + p];
       if (std::fabs(entry) < kNamed) continue;
-      text += format(" %+.2f ", entry) + robot.params[p];
+      text += format(" %+.2f ", entry) + robot.names.params[p];
     }
     text += "\n";
   }
@@ -84,15 +84,15 @@ std::string not_learnt(const RobotFile& robot, const RunResult& result) {
 
 /// What the data say of each parameter that may drift.
 std::string drift_lines(const RobotFile& robot, const RunResult& result) {
-  const Words units = parameter_units(robot.config, robot.params);
+  const Words units = parameter_units(robot.config, robot.names.params);
   const tiller_info_t& info = result.info;
   std::string text;
   std::size_t drift = 0;
-  for (std::size_t i = 0; i < robot.params.size(); ++i) {
+  for (std::size_t i = 0; i < robot.names.params.size(); ++i) {
     if (((robot.config.posterior.drift >> i) & 1u) == 0) continue;
     const DriftFound found = {info.drift_evidence[drift], info.jump_evidence[drift], info.jump_age_s[drift],
                               info.jump_by[drift]};
-    text += "  " + drift_text(robot.params[i], units[i] == "1" ? "" : units[i], found) + "\n";
+    text += "  " + drift_text(robot.names.params[i], units[i] == "1" ? "" : units[i], found) + "\n";
     ++drift;
   }
   return text;
@@ -101,10 +101,10 @@ std::string drift_lines(const RobotFile& robot, const RunResult& result) {
 /// What changes the states beyond a model without joints.
 std::string slip_line(const RobotFile& robot, const tiller_info_t& info) {
   std::string text;
-  for (std::size_t i = 0; i < robot.states.size(); ++i) {
+  for (std::size_t i = 0; i < robot.names.states.size(); ++i) {
     if (((info.slip_states >> i) & 1u) == 0) continue;
-    const std::string unit = unit_of_field(robot.states[i]);
-    text += (text.empty() ? " " : ", ") + robot.states[i] +
+    const std::string unit = unit_of_field(robot.names.states[i]);
+    text += (text.empty() ? " " : ", ") + robot.names.states[i] +
             format(" %s +- %.2g ", mean_text(info.slip_mean[i], info.slip_sd[i]).c_str(), info.slip_sd[i]) +
             (unit.empty() ? "1" : unit) + "/s";
   }
@@ -113,14 +113,14 @@ std::string slip_line(const RobotFile& robot, const tiller_info_t& info) {
 
 std::string posterior_lines(const RobotFile& robot, const RunOptions& options, const RunResult& result) {
   std::string text;
-  for (std::size_t i = 0; i < robot.params.size(); ++i) {
+  for (std::size_t i = 0; i < robot.names.params.size(); ++i) {
     if (robot.config.priors[i].kind == tiller_prior_fixed) continue;
     const double mean = result.info.param_mean[i], sd = result.info.param_sd[i];
     const IntervalText ends = interval_ends(result.q05[i], result.q95[i]);
-    text += format("  %-24s %s +- %.2g   90 %% in [%s, %s]", robot.params[i].c_str(), mean_text(mean, sd).c_str(), sd,
-                   ends.low.c_str(), ends.high.c_str());
-    if (i < options.true_params.size() && std::isfinite(options.true_params[i])) {
-      text += "   true " + mean_text(options.true_params[i], sd);
+    text += format("  %-24s %s +- %.2g   90 %% in [%s, %s]", robot.names.params[i].c_str(), mean_text(mean, sd).c_str(),
+                   sd, ends.low.c_str(), ends.high.c_str());
+    if (i < options.files.true_params.size() && std::isfinite(options.files.true_params[i])) {
+      text += "   true " + mean_text(options.files.true_params[i], sd);
     }
     text += "\n";
   }
@@ -177,15 +177,15 @@ std::string log_text(const LogState& log) {
 std::string systematic_force_text(const RobotFile& robot, const tiller_info_t& info) {
   const std::uint32_t joint = joint_of(robot, info.inadequate_channel);
   const char* const force = systematic_force(static_cast<tiller_feature_t>(info.inadequate_feature));
-  if (robot.config.posterior.disturbance == 0 || joint == robot.model->joint_count || !force) return "";
+  if (robot.config.posterior.disturbance == 0 || joint == robot.config.model->joint_count || !force) return "";
   const std::string amount = followed_friction(robot, info);
-  return std::string("a force at joint '") + robot.model->joints[joint].name + "' " + force +
+  return std::string("a force at joint '") + robot.config.model->joints[joint].name + "' " + force +
          (amount.empty() ? "" : ", " + amount);
 }
 
 std::string inadequacy(const RobotFile& robot, const tiller_info_t& info) {
   const auto feature = static_cast<tiller_feature_t>(info.inadequate_feature);
-  const std::string what = "the model does not explain " + robot.measurements[info.inadequate_channel] + ": ";
+  const std::string what = "the model does not explain " + robot.names.measurements[info.inadequate_channel] + ": ";
   const std::string more = std::string(tiller_feature_name(feature)) + "; docs/theory/adequacy.md tells what to do)";
   const std::string force = systematic_force_text(robot, info);
   if (force.empty()) return what + "what it leaves goes with " + feature_text(feature) + " (" + more;
@@ -196,9 +196,9 @@ std::string inadequacy(const RobotFile& robot, const tiller_info_t& info) {
 Words run_edges(const RobotFile& robot, const RunResult& result) {
   Words texts;
   if (!robot.config.posterior.enabled) return texts;
-  const std::vector<PriorEdge> edges = find_prior_edges(robot.config, robot.params, result.particles);
+  const std::vector<PriorEdge> edges = find_prior_edges(robot.config, robot.names.params, result.particles);
   for (std::size_t i = 0; i < edges.size(); ++i)
-    if (edges[i].side != EdgeSide::none) texts.push_back(edge_text(robot.params[i], edges[i]));
+    if (edges[i].side != EdgeSide::none) texts.push_back(edge_text(robot.names.params[i], edges[i]));
   return texts;
 }
 

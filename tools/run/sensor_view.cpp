@@ -20,10 +20,10 @@ std::string per_second(const std::string& unit) {
 
 }  // namespace
 
-SensorView::SensorView(const RobotFile& robot) : robot_(robot), channels_(robot.measurements.size()) {
+SensorView::SensorView(const RobotFile& robot) : robot_(robot), channels_(robot.names.measurements.size()) {
   for (std::size_t i = 0; i < channels_.size(); ++i) {
     Channel& channel = channels_[i];
-    channel.name = robot.measurements[i];
+    channel.name = robot.names.measurements[i];
     channel.state = robot.config.measured_state[i];
     channel.unit = unit_of_field(channel.name);
     channel.rate_unit = per_second(channel.unit);

@@ -38,7 +38,7 @@ std::string inference_data_json(const SimulatorFile& file, const RobotFile& robo
                     {"inputs", s.names.inputs},
                     {"measurements", s.names.measurements},
                     {"noise_sd", std::vector<double>(c.measurement_sd, c.measurement_sd + c.measurement_count)},
-                    {"parameters", parameters_json(c, robot.params)},
+                    {"parameters", parameters_json(c, robot.names.params)},
                     {"prior_mixture", mixture_json(c.prior_mixture)},
                     {"pieces", pieces_json(pieces)}};
   return out.dump(-1, ' ', false, json::error_handler_t::replace) + "\n";

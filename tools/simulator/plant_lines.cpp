@@ -42,7 +42,8 @@ bool take(const json& request, const char* key, std::size_t size, Numbers& out, 
 /// An effect of the robot file with its parameters from `value` on.
 SimEffect effect_of(const RobotFile& robot, const tiller_effect_t& effect, const double* value) {
   const EffectInfo& info = effect_info(effect.kind);
-  SimEffect out{info.name, info.port == PortKind::body ? "" : port_name(info.port, *robot.model, effect.port), {}};
+  SimEffect out{
+      info.name, info.port == PortKind::body ? "" : port_name(info.port, *robot.config.model, effect.port), {}};
   for (int k = 0; k < info.param_count; ++k) out.parameters[info.params[k].name] = value[k];
   return out;
 }
@@ -53,8 +54,8 @@ RobotFile with_truth(RobotFile robot, const Numbers& params, const Numbers& star
   sim.draw = false;
   sim.sensor_sd.clear();
   sim.watchdog_s = 0.0;
-  for (std::uint32_t i = 0; i < robot.model->param_count; ++i) sim.parameters[robot.params[i]] = params[i];
-  std::size_t row = robot.model->param_count;
+  for (std::uint32_t i = 0; i < robot.config.model->param_count; ++i) sim.parameters[robot.names.params[i]] = params[i];
+  std::size_t row = robot.config.model->param_count;
   for (std::uint32_t e = 0; e < robot.config.effect_count; ++e) {
     const SimEffect own = effect_of(robot, robot.config.effects[e], &params[row]);
     row += own.parameters.size();
@@ -64,15 +65,15 @@ RobotFile with_truth(RobotFile robot, const Numbers& params, const Numbers& star
   }
   for (std::size_t k = 0; k < start.size(); ++k) {
     robot.config.initial_state[robot.config.measured_state[k]] = start[k];
-    sim.state.erase(robot.states[static_cast<std::size_t>(robot.config.measured_state[k])]);
+    sim.state.erase(robot.names.states[static_cast<std::size_t>(robot.config.measured_state[k])]);
   }
   return robot;
 }
 
 bool simulate(const RobotFile& robot, const json& request, json& rows, std::string& error) {
   Numbers params, start;
-  if (!take(request, "parameters", robot.params.size(), params, error) ||
-      !take(request, "start", robot.measurements.size(), start, error))
+  if (!take(request, "parameters", robot.names.params.size(), params, error) ||
+      !take(request, "start", robot.names.measurements.size(), start, error))
     return false;
   const auto made = make_sim_plant(with_truth(robot, params, start), error);
   if (!made) return false;
@@ -80,9 +81,9 @@ bool simulate(const RobotFile& robot, const json& request, json& rows, std::stri
   Numbers shown(made->plant->measurements().size());
   rows = json::array();
   for (std::size_t k = 0; inputs != request.end() && k < inputs->size(); ++k) {
-    if (!is_row((*inputs)[k], robot.inputs.size())) {
-      error = "row " + std::to_string(k + 1) + " of \"inputs\" is no list of " + std::to_string(robot.inputs.size()) +
-              " numbers";
+    if (!is_row((*inputs)[k], robot.names.inputs.size())) {
+      error = "row " + std::to_string(k + 1) + " of \"inputs\" is no list of " +
+              std::to_string(robot.names.inputs.size()) + " numbers";
       return false;
     }
     made->plant->apply((*inputs)[k].get<Numbers>().data());
@@ -102,12 +103,12 @@ bool simulate(const RobotFile& robot, const json& request, json& rows, std::stri
 bool greet(const RobotFile& robot, const std::string& line, std::string& error) {
   const json hello = json::parse(line, nullptr, false);
   const auto is = [&](const char* key, const Words& names) { return hello.contains(key) && hello[key] == names; };
-  if (hello.is_object() && is("parameters", robot.params) && is("inputs", robot.inputs) &&
-      is("measurements", robot.measurements))
+  if (hello.is_object() && is("parameters", robot.names.params) && is("inputs", robot.names.inputs) &&
+      is("measurements", robot.names.measurements))
     return true;
   error = robot.path + ": the greeting " + shown_line(line) + " is not of this robot; its parameters are " +
-          join(robot.params) + ", inputs " + join(robot.inputs) + ", measurements " + join(robot.measurements) +
-          ": name the robot file in the simulator file";
+          join(robot.names.params) + ", inputs " + join(robot.names.inputs) + ", measurements " +
+          join(robot.names.measurements) + ": name the robot file in the simulator file";
   return false;
 }
 

@@ -26,26 +26,25 @@ const Words kSections = {"simulator", "parameters", "measurements", "log"};
 const Words kKeys = {"command", "robot",   "name",      "inputs",   "period_s", "timeout_s",
                      "start_s", "piece_s", "processes", "restarts", "ahead",    "seed"};
 
-/// Names with the table of a model that has no equations.
+/// The table of a model that has no equations, and the names that it points to.
 struct NameTable {
   std::string name;
-  Words states, inputs, params;
-  std::vector<const char*> state_names, input_names, param_names;
+  RobotNames names;
+  std::vector<const char*> pointers[3];
   tiller_model_t model{};
 
   void fill() {
-    for (const std::string& s : states) state_names.push_back(s.c_str());
-    for (const std::string& s : inputs) input_names.push_back(s.c_str());
-    for (const std::string& s : params) param_names.push_back(s.c_str());
+    auto point = [k = pointers](const Words& words, const char* const*& to, std::uint32_t& count) mutable {
+      for (const std::string& word : words) k->push_back(word.c_str());
+      count = static_cast<std::uint32_t>(words.size());
+      to = (k++)->data();
+    };
     model.size = sizeof model;
     model.version = TILLER_MODEL_VERSION;
     model.name = name.c_str();
-    model.state_count = static_cast<std::uint32_t>(states.size());
-    model.input_count = static_cast<std::uint32_t>(inputs.size());
-    model.param_count = static_cast<std::uint32_t>(params.size());
-    model.state_names = state_names.data();
-    model.input_names = input_names.data();
-    model.param_names = param_names.data();
+    point(names.states, model.state_names, model.state_count);
+    point(names.inputs, model.input_names, model.input_count);
+    point(names.params, model.param_names, model.param_count);
   }
 };
 
@@ -151,35 +150,32 @@ class Reader {
   }
 
   void make_robot() {
-    auto names = std::make_shared<NameTable>();
+    auto table = std::make_shared<NameTable>();
     RobotFile& robot = file_.robot;
     robot.path = file_.path;
-    names->name = fs::path(file_.path).stem().string();
-    if (const toml::node* name = table_->get("name")) names->name = name->value<std::string>().value_or(names->name);
-    robot.name = names->name;
+    table->name = fs::path(file_.path).stem().string();
+    if (const toml::node* name = table_->get("name")) table->name = name->value<std::string>().value_or(table->name);
+    robot.name = table->name;
     robot.config.seed = 1;
-    names->inputs = words("inputs", false, "write inputs = [\"force_N\"]; [] where nothing drives it");
+    table->names.inputs = words("inputs", false, "write inputs = [\"force_N\"]; [] where nothing drives it");
     robot.config.period_s = 0.0;
     number("period_s", 1e-6, 1e3, robot.config.period_s);
     if (!table_->contains("period_s")) errors_.missing(table_, "simulator.period_s", "write the control period in s");
     read_seed();
-    read_measurements(*names);
-    read_parameters(*names);
-    if (names->inputs.size() > TILLER_MAX_INPUTS)
+    read_measurements(table->names);
+    read_parameters(table->names);
+    if (table->names.inputs.size() > TILLER_MAX_INPUTS)
       errors_.at(*table_->get("inputs"), "simulator.inputs", "are too many",
                  "keep at most " + std::to_string(TILLER_MAX_INPUTS));
     if (!errors_.empty()) return;
-    names->fill();
-    robot.model = &names->model;
-    robot.config.model = &names->model;
-    robot.inputs = names->inputs;
-    robot.states = robot.measurements = names->states;
-    robot.params = names->params;
-    file_.names = names;
+    table->fill();
+    robot.config.model = &table->model;
+    robot.names = table->names;
+    file_.names = table;
     read_log_map(errors_, root_, robot);
   }
 
-  void read_measurements(NameTable& names) {
+  void read_measurements(RobotNames& names) {
     const toml::table* table = section_table(errors_, root_, "measurements");
     const char* remedy = "write position_m = { sd = 0.001 }: the sensor's deviation, 0 where it has none";
     if (!table || table->empty()) return errors_.missing(table, "[measurements]", remedy);
@@ -198,9 +194,10 @@ class Reader {
       config.measurement_sd[config.measurement_count++] = *sd;
       names.states.push_back(entry.name);
     }
+    names.measurements = names.states;
   }
 
-  void read_parameters(NameTable& names) {
+  void read_parameters(RobotNames& names) {
     const toml::table* table = section_table(errors_, root_, "parameters");
     const char* remedy =
         "write friction = { uniform = [0.1, 0.9] }, { normal = ... }, { log_normal = ... } or a number";
@@ -222,9 +219,9 @@ class Reader {
 
   void take_names() {
     SimulatorNames& names = file_.setup.names;
-    names.parameters = file_.robot.params;
-    names.inputs = file_.robot.inputs;
-    names.measurements = file_.robot.measurements;
+    names.parameters = file_.robot.names.params;
+    names.inputs = file_.robot.names.inputs;
+    names.measurements = file_.robot.names.measurements;
     names.period_s = file_.robot.config.period_s;
   }
 

@@ -35,7 +35,7 @@ struct SimulatorFile {
   SimulatorSetup setup;
   RobotFile robot;
   double piece_s = 0.0;  ///< logs are cut to pieces of this length, each simulated from its own start; 0: not cut
-  std::shared_ptr<const void> names;  ///< what robot.model points to, where it was made here
+  std::shared_ptr<const void> names;  ///< what robot.config.model points to, where it was made here
 };
 
 /// Null with every error in `errors`, one a line: "file:line: key = value: problem; remedy".

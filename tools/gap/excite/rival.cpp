@@ -54,7 +54,7 @@ Rival nominal(const RobotFile& robot) {
   r.name = "nominal";
   r.config = robot.config;
   r.config.prior_mixture = nullptr;
-  r.params = robot.params;
+  r.params = robot.names.params;
   for (std::uint32_t i = 0; i < robot.config.param_count; ++i) {
     const tiller_prior_t& prior = robot.config.priors[i];
     r.value.push_back(centre(prior));
@@ -159,9 +159,9 @@ bool set_value(Rival& r, std::size_t first, const std::string& key, const std::s
 bool find_port(const RobotFile& robot, const EffectInfo& info, const std::string& name, std::uint32_t& port,
                std::string& error) {
   Words known, fitting;
-  for (std::uint32_t i = 0; i < port_count(info.port, *robot.model); ++i) {
-    known.emplace_back(port_name(info.port, *robot.model, i));
-    if (port_fits(info, i, *robot.model)) fitting.push_back(known.back());
+  for (std::uint32_t i = 0; i < port_count(info.port, *robot.config.model); ++i) {
+    known.emplace_back(port_name(info.port, *robot.config.model, i));
+    if (port_fits(info, i, *robot.config.model)) fitting.push_back(known.back());
   }
   const std::string wanted = name.empty() && fitting.size() == 1 ? fitting[0] : name;
   const int index = index_of(known, wanted);
@@ -171,7 +171,7 @@ bool find_port(const RobotFile& robot, const EffectInfo& info, const std::string
   }
   error = name.empty() ? std::string(info.name) + " has more than one place here: write " + info.name + "@" +
                              join(fitting, " or ...@")
-                       : std::string(robot.model->name) + " has no " + port_kind_name(info.port) + " '" + name +
+                       : std::string(robot.config.model->name) + " has no " + port_kind_name(info.port) + " '" + name +
                              "' for " + info.name + "; write one of " + join(known);
   return false;
 }
@@ -260,7 +260,7 @@ bool rival_of(const RobotFile& robot, const nlohmann::json& explanation, Rival& 
     const auto i = static_cast<std::size_t>(index);
     r.value[i] = std::clamp(p.at("mean").get<double>(), r.low[i], r.high[i]);
     r.given[i] = true;
-    if (i >= robot.params.size() && r.config.priors[i].kind == tiller_prior_fixed)
+    if (i >= robot.names.params.size() && r.config.priors[i].kind == tiller_prior_fixed)
       r.config.priors[i].a = r.config.priors[i].low = r.config.priors[i].high = r.value[i];
   }
   return settle(r, error);

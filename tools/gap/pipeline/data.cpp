@@ -160,11 +160,11 @@ bool load_logs(const RobotFile& robot, const std::vector<std::string>& paths, st
     std::string error;
     const std::size_t bad = result.reasons.size();
     if (read_any_log(path, robot, log, error))
-      if (check_log(log, log.map, *robot.model, robot.config.period_s, result.notes, error))
+      if (check_log(log, log.map, *robot.config.model, robot.config.period_s, result.notes, error))
         check_rows(log, log.map, robot.config, result.reasons);
     add_lines(error, result.reasons);
     if (result.reasons.size() != bad) continue;
-    for (std::uint32_t i = 0; i < robot.model->input_count; ++i)
+    for (std::uint32_t i = 0; i < robot.config.model->input_count; ++i)
       count_at_limit(log, log.map, robot.config, i, at_limit[i]);
     read.push_back(std::move(log));
   }
@@ -174,7 +174,7 @@ bool load_logs(const RobotFile& robot, const std::vector<std::string>& paths, st
     for (Grid& grid : make_grids(log, log.map, robot.config)) grids.push_back(std::move(grid));
     logs.push_back(std::move(log));
   }
-  for (std::uint32_t i = 0; i < robot.model->input_count; ++i)
+  for (std::uint32_t i = 0; i < robot.config.model->input_count; ++i)
     check_command(at_limit[i], robot.config.safety.input_low[i], robot.config.safety.input_high[i], result);
   if (hash) *hash = hash_of_files(paths);
   return result.reasons.size() == before;

@@ -13,7 +13,6 @@
 #include "tools/gap/pipeline/change.hpp"
 #include "tools/gap/pipeline/data.hpp"
 #include "tools/gap/pipeline/data_quality.hpp"
-#include "tools/gap/pipeline/engine.hpp"
 #include "tools/gap/pipeline/holdout.hpp"
 #include "tools/gap/pipeline/time_scale.hpp"
 #include "tools/gap/pipeline/verdict.hpp"
@@ -135,9 +134,7 @@ Result find_gap_on(const tiller_config_t& as_told, const std::vector<std::string
   const double scale = measure_time_scale(config, work);
   for (Grid& grid : work) grid.time_scale = scale;
   const Config fine = with_fine_steps(config, scale);
-  Session s{
-      fine, config.substeps, options, make_window_data(std::move(work), config), {}, {}, {}, {}, {}, {}, {}, {}, {},
-      {},   scale,           1.0};
+  Session s{fine, config.substeps, options, make_window_data(std::move(work), config), scale};
   s.windows = make_windows(s.data, config, kWindow_s, 0, own);
   split_windows(s.windows, hold_out.empty() ? kTestShare : 0.0);
   std::vector<Window> held = make_windows(s.data, config, kWindow_s, own, all);
@@ -214,7 +211,7 @@ Result find_gap_in(const RobotFile& robot, const std::vector<Log>& logs, const s
   for (int part = 0; part < 2; ++part)
     for (const Log& log : part == 0 ? logs : hold_out)
       for (Grid& grid : make_grids(log, robot.log, robot.config)) grids[part].push_back(std::move(grid));
-  return find_gap_on(robot.config, robot.params, std::move(grids[0]), std::move(grids[1]), options);
+  return find_gap_on(robot.config, robot.names.params, std::move(grids[0]), std::move(grids[1]), options);
 }
 
 Result find_gap(const RobotFile& robot, const Options& options) {
@@ -226,7 +223,7 @@ Result find_gap(const RobotFile& robot, const Options& options) {
   load_logs(robot, options.hold_out, options.most_steps, true, logs, grids[1], &hash[1], loaded);
   Result result = loaded;
   if (loaded.reasons.empty()) {
-    result = find_gap_on(robot.config, robot.params, std::move(grids[0]), std::move(grids[1]), options);
+    result = find_gap_on(robot.config, robot.names.params, std::move(grids[0]), std::move(grids[1]), options);
     result.notes.insert(result.notes.begin(), loaded.notes.begin(), loaded.notes.end());
   }
   if (!result.reasons.empty()) result.sentence = "The logs cannot be used.";

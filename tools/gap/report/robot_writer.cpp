@@ -53,11 +53,11 @@ std::string prior_text(double mean, double sd, double low, double high, bool log
 }
 
 const toml::node* node_of(const toml::table& root, const RobotFile& robot, std::uint32_t param) {
-  if (param < robot.model->param_count) {
+  if (param < robot.config.model->param_count) {
     const toml::table* table = root["parameters"].as_table();
-    return table ? table->get(robot.params[param]) : nullptr;
+    return table ? table->get(robot.names.params[param]) : nullptr;
   }
-  std::uint32_t first = robot.model->param_count;
+  std::uint32_t first = robot.config.model->param_count;
   for (std::uint32_t e = 0; e < robot.config.effect_count; ++e) {
     const EffectInfo& info = effect_info(robot.config.effects[e].kind);
     const auto count = static_cast<std::uint32_t>(info.param_count);
@@ -77,7 +77,7 @@ void bounds_of(const RobotFile& robot, std::uint32_t param, const Explanation& f
   high = robot.config.priors[param].high;
   const EffectAt changed = {kChangedParameter, param};
   if (std::find(found.effects.begin(), found.effects.end(), changed) == found.effects.end()) return;
-  const PhysicalRange range = physical_range(robot.config, robot.params, param);
+  const PhysicalRange range = physical_range(robot.config, robot.names.params, param);
   low = range.least;
   high = range.most;
 }
@@ -109,7 +109,7 @@ std::string effects_blocks(const RobotFile& robot, const Explanation& found, con
     text += "\n# Found by tiller gap in logs " + data_hash + ".";
     if (info.equation) text += " " + std::string(info.equation);
     text += "\n[[effects]]\nkind = \"" + std::string(info.name) + "\"\nport = \"" +
-            port_name(info.port, *robot.model, effect.port) + "\"\n";
+            port_name(info.port, *robot.config.model, effect.port) + "\"\n";
     for (int i = 0; i < info.param_count && param < found.params.size(); ++i, ++param) {
       const Estimate& e = found.params[param];
       double high = info.params[i].high;

@@ -74,8 +74,8 @@ void append_region(const RobotFile& robot, const Result& result, std::string& te
   for (const AxisMap& map : result.maps)
     if (map.joint == r.joint && map.axis == r.axis) label = map.axis_label.c_str();
   text += format("\nWhere: at %s, %s from %.4g to %.4g: %.3g +- %.1g (%s) are missing (z = %.0f)\n",
-                 robot.model->joints[r.joint].name, label, r.low, r.high, r.force, r.force_sd,
-                 robot.model->force_names[robot.model->joints[r.joint].force], r.z);
+                 robot.config.model->joints[r.joint].name, label, r.low, r.high, r.force, r.force_sd,
+                 robot.config.model->force_names[robot.config.model->joints[r.joint].force], r.z);
 }
 
 }  // namespace

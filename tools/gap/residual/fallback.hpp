@@ -70,7 +70,7 @@ bool fit_residual(const tiller_config_t& config, const std::vector<Grid>& grids,
 std::string residual_toml(const ResidualFit& fit);
 
 /// The joint law as a posterior file for the robot file with that section. `params`: names of all of fit.config's
-/// parameters, as RobotFile::params has them.
+/// parameters, as RobotNames::params has them.
 StoredPosterior residual_posterior(const ResidualFit& fit, const Words& params, const std::string& robot);
 
 }  // namespace tiller::tools::gap

@@ -24,9 +24,9 @@ std::size_t byte_of(const std::string& text, const toml::source_position& at) {
 
 std::string with_process_sd(std::string text, const RobotFile& robot, const double* process_sd) {
   std::string table = "{ ";
-  for (std::uint32_t i = 0; i < robot.model->state_count; ++i) {
+  for (std::uint32_t i = 0; i < robot.config.model->state_count; ++i) {
     const double sd = std::max(process_sd[i], robot.config.process_sd[i]);
-    if (sd > 0.0) table += (table.size() > 2 ? ", " : "") + robot.states[i] + " = " + format("%.4g", sd);
+    if (sd > 0.0) table += (table.size() > 2 ? ", " : "") + robot.names.states[i] + " = " + format("%.4g", sd);
   }
   table += " }";
   const toml::table root = toml::parse(text);
@@ -55,7 +55,7 @@ bool offer_residual(const std::string& text, const std::string& path, const std:
   bool found = false;
   std::string why;
   std::vector<std::uint32_t> joints = search.joints;
-  for (std::uint32_t j = 0; search.joints.empty() && j < robot->model->joint_count; ++j) joints.push_back(j);
+  for (std::uint32_t j = 0; search.joints.empty() && j < robot->config.model->joint_count; ++j) joints.push_back(j);
   for (const std::uint32_t joint : joints) {
     if (search.stop != nullptr && *search.stop != 0) break;
     if (search.begins) search.begins(joint);
@@ -84,7 +84,7 @@ bool offer_residual(const std::string& text, const std::string& path, const std:
       residual_toml(offer.fit);
   const auto read = parse_robot_file(offer.text, path, error);
   if (!read) return false;
-  offer.posterior = residual_posterior(offer.fit, read->params, read->name);
+  offer.posterior = residual_posterior(offer.fit, read->names.params, read->name);
   Words problems;
   if (take_prior(offer.posterior, path, *read, problems)) return true;
   error = join(problems, "\n");

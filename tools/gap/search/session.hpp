@@ -33,15 +33,15 @@ struct Session {
   std::uint32_t coarse_substeps;  ///< of the robot file: for the screen
   const Options& options;
   WindowData data;
-  std::vector<Window> windows;
-  Scales scales;
-  std::unique_ptr<ThreadPool> threads;
-  std::unique_ptr<Shooting> shooting;
-  std::vector<std::size_t> work, fold[2], test, screen;  ///< indices of windows
-  std::vector<EffectAt> candidates;                      ///< that fit the model's ports
-  std::vector<double> nominal_x0;                        ///< (all windows x nx) start states of the nominal model's fit
-  double time_scale = 1;                                 ///< of all grids
-  double dispersion = 1;  ///< variance of whitened residuals, serial correlation counted; at least 1
+  double time_scale;  ///< of all grids
+  std::vector<Window> windows{};
+  Scales scales{};
+  std::unique_ptr<ThreadPool> threads{};
+  std::unique_ptr<Shooting> shooting{};
+  std::vector<std::size_t> work{}, fold[2]{}, test{}, screen{};  ///< indices of windows
+  std::vector<EffectAt> candidates{};                            ///< that fit the model's ports
+  std::vector<double> nominal_x0{};  ///< (all windows x nx) start states of the nominal model's fit
+  double dispersion = 1;             ///< variance of whitened residuals, serial correlation counted; at least 1
 
   /// A gap up to which nothing has to be explained. `--budget` 0 asks for the exit code of every change.
   double budget_sigma() const {

@@ -7,10 +7,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .guide import Goal, descend, follow
+from .guide import Goal, descend, follow, random_commands
 from .minimise import Numbers
 from .moments import Array
 from .physics import Physics
+
+GUESSES, DESCENTS = 24, 12  # of the first plan; what one descends to, in calls of some sweeps
 
 
 @dataclass
@@ -102,15 +104,15 @@ class AdaptiveLqr:
 
 
 class AdaptiveIlqr(AdaptiveLqr):
-    """The same model over a horizon, by iLQR from the plan before: it goes far, keeps the limits, and its model may be
-    a network's. What the model lacks is taken for the same all along the plan."""
+    """The same model over a horizon, by iLQR from the plan before, the first from random ones: it goes far, keeps the
+    limits, and its model may be a network's. What the model lacks is taken for the same all along the plan."""
 
     def __init__(self, physics: Physics, o: AdaptiveOptions, sweeps: int = 3) -> None:
         super().__init__(physics, o)
-        self._plan = np.tile(self._last, (o.horizon, 1))
-        goal = Goal(o.target, o.state_weight, o.state_weight, o.input_weight, o.low, o.high)
+        self._plan: Numbers | None = None
+        self._goal = goal = Goal(o.target, o.state_weight, o.state_weight, o.input_weight, o.low, o.high)
 
-        def planned(x: Array, u: Array, lack: Array) -> Array:
+        def planned(x: Array, u: Array, lack: Array) -> tuple[Array, Array]:
             def adapted(z: Array) -> tuple[Array, Array]:
                 after, slope = physics(jnp.concatenate([z[:len(x)], self._acting(z[len(x):], lack)]))
                 return after, slope * jnp.concatenate([jnp.ones(len(x)), 1 + lack[1]])
@@ -118,12 +120,22 @@ class AdaptiveIlqr(AdaptiveLqr):
             motion = states, u, goal.of(states, u)
             for _ in range(sweeps):
                 motion = descend(adapted, goal, *motion)
-            return motion[1]
+            return motion[1:]
 
         self._planned = jax.jit(planned)
 
     def command(self, x: Numbers) -> Numbers:
-        before = np.concatenate([self._plan[1:], self._plan[-1:]])
-        self._plan = np.asarray(self._planned(jnp.asarray(x), before, self._lack))
+        before = self._first(x) if self._plan is None else np.concatenate([self._plan[1:], self._plan[-1:]])
+        self._plan = np.asarray(self._planned(x, before, self._lack)[0])
         self._last = self._plan[0]
         return self._last
+
+    def _first(self, x: Numbers) -> Numbers:
+        """The cheapest of what random commands descend to."""
+        best, least = np.tile(self._rest, (self.o.horizon, 1)), np.inf
+        for u in random_commands(self._goal, GUESSES, self.o.horizon, np.random.default_rng(1)):
+            for _ in range(DESCENTS):
+                u, cost = self._planned(x, u, self._lack)
+            if cost < least:
+                best, least = np.asarray(u), float(cost)
+        return best
