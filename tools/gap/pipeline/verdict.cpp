@@ -354,7 +354,7 @@ void say_named(const Answer& a, Result& result) {
     result.notes.push_back("Beside it: " + join(off, "; ") + ". Is that prior right?");
 }
 
-void decide(const Answer& answer, Result& result) {
+void say_verdict(const Answer& answer, Result& result) {
   const Session& s = answer.s;
   const SearchResult& found = answer.found;
   if (found.best == 0) return say_nothing_found(answer, result);
@@ -378,7 +378,7 @@ void conclude(Session& s, const SearchResult& found, const std::vector<std::stri
   const Answer answer = answer_of(s, found, result);
   if (answer.set.size() > 1) result.separation = separations(s, answer.set);
 
-  decide(answer, result);
+  say_verdict(answer, result);
   if (s.options.before) result.sentence = change_sentence(s, result);
 }
 
