@@ -21,6 +21,13 @@ double largest_difference(const std::vector<double>& a, const std::vector<double
   return d;
 }
 
+// A build server compiles the set that only its emulators have for few models (TillerTargets.cmake).
+#ifdef TILLER_EMULATED_ISA
+constexpr Isa kEmulatedIsa = Isa::TILLER_EMULATED_ISA;
+#else
+constexpr Isa kEmulatedIsa = Isa::scalar;
+#endif
+
 class EveryModel : public ::testing::TestWithParam<const tiller_model_t*> {};
 INSTANTIATE_TEST_SUITE_P(Models, EveryModel, ::testing::ValuesIn(all_models()),
                          [](const auto& model) { return std::string(model.param->name); });
@@ -30,9 +37,8 @@ TEST_P(EveryModel, TableIsComplete) {
   EXPECT_EQ(tiller_find_model(m.name), &m);
   ASSERT_NE(m.kernels, nullptr);
   for (Isa isa : all_isas()) {
-    if (isa != Isa::scalar) {
-      EXPECT_EQ(select_rollout(m, isa).isa, isa);
-    }
+    if (isa == Isa::scalar || isa == kEmulatedIsa) continue;
+    EXPECT_EQ(select_rollout(m, isa).isa, isa);
   }
   for (std::uint32_t j = 0; j < m.joint_count; ++j) {
     EXPECT_LT(m.joints[j].velocity, m.state_count);
