@@ -206,10 +206,11 @@ function(tiller_knows_copies target)
   target_compile_definitions(${target} PRIVATE ${built_isas})
 endfunction()
 
-# tiller_isa_sources(target file.cpp ... [ISAS isa ...])
+# tiller_isa_sources(target file.cpp ... [ISAS isa ...] [OPTIMISATION flag])
 #
 # Compiles each file once per instruction set (of the build, or of ISAS), with TILLER_COMPILE_ISA set to its name (see
-# scalar/isa.hpp). The flags never reach any other file, and these copies are optimised even in debug
+# scalar/isa.hpp), at -O3: at -O2 a cart-pole's kernel takes a quarter less time to compile and 1.5 times the
+# instructions to plan. OPTIMISATION: another one in release builds, for models that only a test rolls out. The flags never reach any other file, and these copies are optimised even in debug
 # builds: an inline function of the standard library that is emitted out of line in the AVX-512 copy could be
 # the one the linker keeps for everybody.
 if(TILLER_REPRODUCIBLE)
@@ -286,9 +287,13 @@ else()
   set(TILLER_ISA_OPTIMISATION -O3)
 endif()
 function(tiller_isa_sources target)
-  cmake_parse_arguments(ARG "" "" "ISAS" ${ARGN})
+  cmake_parse_arguments(ARG "" "OPTIMISATION" "ISAS" ${ARGN})
   if(NOT ARG_ISAS)
     set(ARG_ISAS ${TILLER_ISAS})
+  endif()
+  set(optimisation ${TILLER_ISA_OPTIMISATION})
+  if(ARG_OPTIMISATION AND optimisation STREQUAL "-O3")
+    set(optimisation ${ARG_OPTIMISATION})
   endif()
   tiller_knows_copies(${target} ISAS ${ARG_ISAS})
   foreach(source IN LISTS ARG_UNPARSED_ARGUMENTS)
@@ -299,7 +304,7 @@ function(tiller_isa_sources target)
       file(CONFIGURE OUTPUT ${copy} CONTENT "#include \"${path}\"  // NOLINT(bugprone-suspicious-include)\n" @ONLY)
       set_source_files_properties(${copy} PROPERTIES
         SKIP_PRECOMPILE_HEADERS ON  # of other flags; GCC 12 crashes
-        COMPILE_OPTIONS "${TILLER_ISA_OPTIMISATION};${TILLER_ISA_FLAGS_${isa}};${TILLER_ISA_QUIET}"
+        COMPILE_OPTIONS "${optimisation};${TILLER_ISA_FLAGS_${isa}};${TILLER_ISA_QUIET}"
         COMPILE_DEFINITIONS "TILLER_COMPILE_ISA=${isa};TILLER_COMPILE_ISA_${isa}=1")
       target_sources(${target} PRIVATE ${copy})
     endforeach()

@@ -129,6 +129,8 @@ def bounded(command):
     endless = re.match(r"tiller (run|sim|demo) ", command + " ") and "--seconds" not in command
     if "--on-robot" in command:  # nobody presses a key
         return re.sub(r"--trials \d+", "--trials 1 --bumps 5 --evaluations 3 --restarts 0 --arm", command)
+    if "adaptive_" in command:  # its defaults are eight trials of four seconds, twice
+        return re.sub(r"--earlier \d+", "--earlier 6", command) + " --trials 1 --seconds 1"
     if command.startswith("tiller tune ") and "--trials" not in command:
         return f"{command} {FEW_TRIALS}"
     command = command.replace("--robots 200 --odd 5", "--robots 12 --odd 1")  # two hundred logs take minutes
