@@ -419,6 +419,31 @@ std::string check_kind(const std::string& name) {
          "known: " + join(known);
 }
 
+constexpr char kGapFooter[] =
+    "Compares what the model predicts with what was measured, in sigma: standard deviations of what sensor and\n"
+    "process noise of the robot file leave; 1 is nothing but noise. Where there is more, it says where (joint, axis,\n"
+    "region), which effect of the catalogue explains it (`tiller effects`), with parameters, or which several do\n"
+    "equally well and how to tell them apart, or that none does; and shows on held-out windows what adding it brings.\n"
+    "\n"
+    "Exit codes: 0 no gap, or one within --budget, named or not; over the budget 1 named, 2 ambiguous, partly\n"
+    "explained or unnamed; 2 a parameter off its prior; 3 the data cannot answer (what, where, how to mend it is\n"
+    "printed); 4 wrong option, robot file or folder; 5 a result could not be written; 130 stopped by Ctrl-C, what was\n"
+    "done is kept.\n"
+    "\n"
+    "With --before and --after it says what changed: which parameters (a mass, a gain, a friction, a delay) have\n"
+    "another value and which effects are new, with sizes and 95 % intervals; code 0 where nothing changed, 1 where\n"
+    "the change has a name. Both need logs of the amount above; the motions need not be the same.\n"
+    "\n"
+    "Examples:\n"
+    "  tiller gap my_robot.toml run1.csv run2.csv run3.csv -o out/gap\n"
+    "      look at out/gap/gap.html; out/gap/my_robot_gap.toml is the robot file with what was found\n"
+    "  tiller gap my_robot.toml nightly/*.csv --budget 1.5 --json > gap.json || echo \"model and robot part\"\n"
+    "      in CI: fails where a gap of more than 1.5 sigma opens (docs/guide/gap.md)\n"
+    "  tiller gap my_robot.toml --before normal/*.csv --after today/*.csv -o out/change\n"
+    "      what changed; out/change/my_robot_before.toml and my_robot_gap.toml are the robot then and now\n"
+    "  tiller gap my_robot.toml run*.csv -o out/gap --description arm.xml --write-mjcf arm_found.xml\n"
+    "      gives the friction, masses and gains that were found back to MuJoCo, with intervals as comments";
+
 }  // namespace
 
 void add_gap_command(CLI::App& app, int& exit_code) {
@@ -459,30 +484,7 @@ void add_gap_command(CLI::App& app, int& exit_code) {
       ->check(CLI::NonNegativeNumber);
   command->add_option("--seed", find.seed, "of the permutations (default 1)")->check(CLI::PositiveNumber);
   command->add_flag("--json", options->json, "gap.json on standard output instead of the tables");
-  command->footer(
-      "Compares what the model predicts with what was measured, in sigma: standard deviations of what sensor and\n"
-      "process noise of the robot file leave; 1 is nothing but noise. Where there is more, it says where (joint, axis,\n"
-      "region), which effect of the catalogue explains it (`tiller effects`), with parameters, or which several do\n"
-      "equally well and how to tell them apart, or that none does; and shows on held-out windows what adding it brings.\n"
-      "\n"
-      "Exit codes: 0 no gap, or one within --budget, named or not; over the budget 1 named, 2 ambiguous, partly\n"
-      "explained or unnamed; 2 a parameter off its prior; 3 the data cannot answer (what, where, how to mend it is\n"
-      "printed); 4 wrong option, robot file or folder; 5 a result could not be written; 130 stopped by Ctrl-C, what was\n"
-      "done is kept.\n"
-      "\n"
-      "With --before and --after it says what changed: which parameters (a mass, a gain, a friction, a delay) have\n"
-      "another value and which effects are new, with sizes and 95 % intervals; code 0 where nothing changed, 1 where\n"
-      "the change has a name. Both need logs of the amount above; the motions need not be the same.\n"
-      "\n"
-      "Examples:\n"
-      "  tiller gap my_robot.toml run1.csv run2.csv run3.csv -o out/gap\n"
-      "      look at out/gap/gap.html; out/gap/my_robot_gap.toml is the robot file with what was found\n"
-      "  tiller gap my_robot.toml nightly/*.csv --budget 1.5 --json > gap.json || echo \"model and robot part\"\n"
-      "      in CI: fails where a gap of more than 1.5 sigma opens (docs/guide/gap.md)\n"
-      "  tiller gap my_robot.toml --before normal/*.csv --after today/*.csv -o out/change\n"
-      "      what changed; out/change/my_robot_before.toml and my_robot_gap.toml are the robot then and now\n"
-      "  tiller gap my_robot.toml run*.csv -o out/gap --description arm.xml --write-mjcf arm_found.xml\n"
-      "      gives the friction, masses and gains that were found back to MuJoCo, with intervals as comments");
+  command->footer(kGapFooter);
   command->callback([options, &exit_code] { exit_code = gap_command(*options); });
 }
 

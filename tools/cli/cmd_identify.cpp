@@ -115,6 +115,18 @@ std::string check_multiple(const std::string& text, unsigned of) {
   return value % of == 0 ? "" : "must be a multiple of " + std::to_string(of);
 }
 
+constexpr char kIdentifyFooter[] =
+    "\nFits the model without its effects, then with one effect more at a time, and compares how well each predicts\n"
+    "the robot from many points of the logs. Only what was held out can be trusted to compare.\n\n"
+    "Examples:\n"
+    "  tiller identify my_robot.toml run1.csv run2.csv --hold-out run3.csv -o out/identify\n"
+    "      learn from two logs, judge with the third, leave a page\n"
+    "  tiller identify robots/dfki_pendulum.toml data/dfki_simple_pendulum/d*_measured.csv \\\n"
+    "      --hold-out data/dfki_simple_pendulum/pd_system_identification_measured.csv\n"
+    "      the measured pendulum that comes with tiller (docs/guide/identify.md tells what to see)\n"
+    "  tiller identify my_robot.toml run1.csv --method reps --eta 1 --simulations 100000\n"
+    "      the posterior once more, by draws from the prior: a check of the particles where few parameters are learnt";
+
 }  // namespace
 
 void add_identify_command(CLI::App& app, int& exit_code) {
@@ -157,18 +169,7 @@ void add_identify_command(CLI::App& app, int& exit_code) {
   command->add_option("--simulator", *simulator,
                       "command of a black box that simulates in the model's place, words between spaces: learns as "
                       "tiller infer does (docs/guide/simulator.md)");
-  command->footer(
-      methods_help() +
-      "\nFits the model without its effects, then with one effect more at a time, and compares how well each predicts\n"
-      "the robot from many points of the logs. Only what was held out can be trusted to compare.\n\n"
-      "Examples:\n"
-      "  tiller identify my_robot.toml run1.csv run2.csv --hold-out run3.csv -o out/identify\n"
-      "      learn from two logs, judge with the third, leave a page\n"
-      "  tiller identify robots/dfki_pendulum.toml data/dfki_simple_pendulum/d*_measured.csv \\\n"
-      "      --hold-out data/dfki_simple_pendulum/pd_system_identification_measured.csv\n"
-      "      the measured pendulum that comes with tiller (docs/guide/identify.md tells what to see)\n"
-      "  tiller identify my_robot.toml run1.csv --method reps --eta 1 --simulations 100000\n"
-      "      the posterior once more, by draws from the prior: a check of the particles where few parameters are learnt");
+  command->footer(methods_help() + kIdentifyFooter);
   command->callback([options, as_json, command, simulator, known = said.methods, &exit_code] {
     if (!simulator->empty()) {
       exit_code = identify_by_simulator(*command, *options, *simulator);

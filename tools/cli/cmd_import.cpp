@@ -428,6 +428,18 @@ int import_command(Options& o) {
   return write_files(o, options, description, mechanism, unknowns, frames, spheres, distances);
 }
 
+constexpr char kImportFooter[] =
+    "The equations are written out for this one robot (docs/guide/import.md); every command works with the result.\n\n"
+    "Examples:\n"
+    "  tiller import my_arm.urdf -o my_arm --unknown payload=2\n"
+    "      my_arm/my_arm.hpp and my_arm/robot.toml, with a prior for the load\n"
+    "  tiller import my_arm.urdf -o my_arm --sphere base:0,0,0.1,0.12 --sphere hand:0,0,0.05,0.06\n"
+    "      the hand keeps away from the base; `tiller import my_arm.urdf -o my_arm --model-only` after spheres move\n"
+    "  tiller import ur5.urdf --unknown mass:forearm_link --frame tool0 --hold wrist_3_joint\n"
+    "      one mass in doubt, five joints\n"
+    "  tiller import cart_pole.casadi --value pole_kg=0.2,length_m=0.5 --unknown pole_kg\n"
+    "      xdot = f(x, u, p) as CasADi saved it; symbols' names become the names of states and parameters";
+
 }  // namespace
 
 void add_import_command(CLI::App& app, int& exit_code) {
@@ -483,17 +495,7 @@ void add_import_command(CLI::App& app, int& exit_code) {
                       "about a function: TOML or JSON with names, parameters, limits, joints, angles, period_s\n"
                       "[<function>.details.toml or .details.json beside it]");
   command->add_flag("--force", o->force, "write over files that are there");
-  command->footer(
-      "The equations are written out for this one robot (docs/guide/import.md); every command works with the result.\n\n"
-      "Examples:\n"
-      "  tiller import my_arm.urdf -o my_arm --unknown payload=2\n"
-      "      my_arm/my_arm.hpp and my_arm/robot.toml, with a prior for the load\n"
-      "  tiller import my_arm.urdf -o my_arm --sphere base:0,0,0.1,0.12 --sphere hand:0,0,0.05,0.06\n"
-      "      the hand keeps away from the base; `tiller import my_arm.urdf -o my_arm --model-only` after spheres move\n"
-      "  tiller import ur5.urdf --unknown mass:forearm_link --frame tool0 --hold wrist_3_joint\n"
-      "      one mass in doubt, five joints\n"
-      "  tiller import cart_pole.casadi --value pole_kg=0.2,length_m=0.5 --unknown pole_kg\n"
-      "      xdot = f(x, u, p) as CasADi saved it; symbols' names become the names of states and parameters");
+  command->footer(kImportFooter);
   command->callback([o, &exit_code] { exit_code = import_command(*o); });
 }
 

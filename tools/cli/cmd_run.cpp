@@ -295,6 +295,49 @@ int run_command(Arguments& a) {
   return all.exit_code ? all.exit_code : reported;
 }
 
+constexpr char kRunFooter[] =
+    "Over a transport the run begins in STANDBY. Keys: a arms, d or space disarms. Scripts say --arm. Ctrl-C stops\n"
+    "the robot with its safe command and keeps the log.\n\n"
+    "Examples:\n"
+    "  tiller run robots/cart_pole.toml --sim --seconds 10 --report out/run.html\n"
+    "      the controller against the simulated plant, as fast as it goes, with a page at the end\n"
+    "  tiller run robots/cart_pole.toml --sim --episodes 5 --seconds 6 --posterior out/cart.posterior.json\n"
+    "      what one episode learnt is the next one's prior; run it again, and it goes on from the file\n"
+    "  tiller run robots/cart_pole.toml --sim --episodes 5 --seconds 6 --method simopt --kl 1\n"
+    "      SimOpt: control with a Gaussian over the parameters, one bounded step of it after each episode\n"
+    "  tiller run robot.toml --sim --episodes 5 --seconds 6 --method bayes_sim --simulator mine.toml --simulations 900\n"
+    "      Online BayesSim: control with the posterior of a simulator of your own, learnt anew after each episode\n"
+    "  tiller run robots/cart_pole.toml --transport lcm --log run.csv\n"
+    "      a robot (or `tiller sim robots/cart_pole.toml --serve lcm`) over LCM: sensors are shown, the key a arms,\n"
+    "      Ctrl-C ends\n"
+    "  tiller run robots/cart_pole.toml --transport lcm --arm\n"
+    "      the same for a script: it moves at once";
+
+// What the posterior learns from one episode to the next. Returns the names of the methods.
+Words add_learning_options(CLI::App& command, Arguments& a) {
+  auto* posterior = command.add_option(
+      "--posterior", a.posterior,
+      "file: the prior if it is there (in the place of the robot file's), written after every complete episode");
+  command.add_option("--save-posterior", a.save_posterior, "the same file, only written")->excludes(posterior);
+  command
+      .add_option("--episodes", a.episodes,
+                  "runs of --seconds one after the other, each from the start; the posterior of "
+                  "one is the prior of the next (docs/guide/episodes.md)")
+      ->check(CLI::Range(1, 100000));
+  MethodOptionsText said{refit_methods(), "what the next episode's prior is made by", "(default 1, a step an episode)",
+                         "(default 1 for each learnt parameter)"};
+  said.methods.insert(said.methods.begin(), "posterior");
+  said.methods.emplace_back("bayes_sim");
+  a.refit.how.iterations = 1;
+  add_method_options(command, said, a.refit.method, a.refit.how);
+  command.add_option("--simulator", a.simulator,
+                     "simulator file of --method bayes_sim: Online BayesSim, its black box simulates between episodes");
+  command.add_flag("--online", a.online,
+                   "the particles learn within each episode, too, from the prior that --method has refitted (default: "
+                   "only the method posterior learns within episodes)");
+  return said.methods;
+}
+
 }  // namespace
 
 void add_run_command(CLI::App& app, int& exit_code) {
@@ -345,47 +388,11 @@ void add_run_command(CLI::App& app, int& exit_code) {
       ->check(number_between(0, 1000));
   command->add_option("--histogram", a->histogram,
                       "write a CSV of how long ticks took and how late they began: upper_us, ticks, wake_ups");
-  auto* posterior = command->add_option(
-      "--posterior", a->posterior,
-      "file: the prior if it is there (in the place of the robot file's), written after every complete episode");
-  command->add_option("--save-posterior", a->save_posterior, "the same file, only written")->excludes(posterior);
-  command
-      ->add_option("--episodes", a->episodes,
-                   "runs of --seconds one after the other, each from the start; the posterior of "
-                   "one is the prior of the next (docs/guide/episodes.md)")
-      ->check(CLI::Range(1, 100000));
-  MethodOptionsText said{refit_methods(), "what the next episode's prior is made by", "(default 1, a step an episode)",
-                         "(default 1 for each learnt parameter)"};
-  said.methods.insert(said.methods.begin(), "posterior");
-  said.methods.emplace_back("bayes_sim");
-  a->refit.how.iterations = 1;
-  add_method_options(*command, said, a->refit.method, a->refit.how);
-  command->add_option(
-      "--simulator", a->simulator,
-      "simulator file of --method bayes_sim: Online BayesSim, its black box simulates between episodes");
-  command->add_flag("--online", a->online,
-                    "the particles learn within each episode, too, from the prior that --method has refitted (default: "
-                    "only the method posterior learns within episodes)");
+  const Words known = add_learning_options(*command, *a);
   command->add_flag("--quiet", a->quiet, "no progress");
   add_override_options(*command, a->overrides);
-  command->footer(
-      "Over a transport the run begins in STANDBY. Keys: a arms, d or space disarms. Scripts say --arm. Ctrl-C stops\n"
-      "the robot with its safe command and keeps the log.\n\n"
-      "Examples:\n"
-      "  tiller run robots/cart_pole.toml --sim --seconds 10 --report out/run.html\n"
-      "      the controller against the simulated plant, as fast as it goes, with a page at the end\n"
-      "  tiller run robots/cart_pole.toml --sim --episodes 5 --seconds 6 --posterior out/cart.posterior.json\n"
-      "      what one episode learnt is the next one's prior; run it again, and it goes on from the file\n"
-      "  tiller run robots/cart_pole.toml --sim --episodes 5 --seconds 6 --method simopt --kl 1\n"
-      "      SimOpt: control with a Gaussian over the parameters, one bounded step of it after each episode\n"
-      "  tiller run robot.toml --sim --episodes 5 --seconds 6 --method bayes_sim --simulator mine.toml --simulations 900\n"
-      "      Online BayesSim: control with the posterior of a simulator of your own, learnt anew after each episode\n"
-      "  tiller run robots/cart_pole.toml --transport lcm --log run.csv\n"
-      "      a robot (or `tiller sim robots/cart_pole.toml --serve lcm`) over LCM: sensors are shown, the key a arms,\n"
-      "      Ctrl-C ends\n"
-      "  tiller run robots/cart_pole.toml --transport lcm --arm\n"
-      "      the same for a script: it moves at once");
-  command->callback([a, command, known = said.methods, &exit_code] {
+  command->footer(kRunFooter);
+  command->callback([a, command, known, &exit_code] {
     std::string wrong = misplaced_option(*command, known, a->refit.method, a->refit.how);
     if (wrong.empty()) wrong = contradicted_method(*a);
     exit_code = wrong.empty() ? run_command(*a) : complain(wrong);

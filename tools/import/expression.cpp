@@ -337,61 +337,47 @@ class Emitter {
     return rank_[at(node)] < weakest ? "(" + text_[at(node)] + ")" : text_[at(node)];
   }
 
+  struct Infix {
+    Op op;
+    const char* sign;
+    Rank left, right, whole;  // the weakest that an operand may be without brackets, and what it becomes
+  };
+  static constexpr Infix kInfix[] = {
+      {Op::add, " + ", kSum, kSum, kSum},
+      {Op::subtract, " - ", kSum, kProduct, kSum},
+      {Op::multiply, " * ", kProduct, kProduct, kProduct},
+      {Op::divide, " / ", kProduct, kAtom, kProduct},
+      {Op::less, " < ", kSum, kSum, kComparison},
+      {Op::less_equal, " <= ", kSum, kSum, kComparison},
+      {Op::equal, " == ", kSum, kSum, kComparison},
+      {Op::logical_and, " & ", kAtom, kAtom, kLogic},
+      {Op::logical_or, " | ", kAtom, kAtom, kLogic},
+  };
+
+  // The text of an operation on operands that have theirs, and how strongly it binds.
+  Rank spell(const ExpressionGraph::Node& n, std::string& text) const {
+    for (const Infix& infix : kInfix)
+      if (infix.op == n.op) {
+        text = operand(n.a, infix.left) + infix.sign + operand(n.b, infix.right);
+        return infix.whole;
+      }
+    if (n.op == Op::negate || n.op == Op::logical_not) {
+      text = (n.op == Op::negate ? "-" : "!") + operand(n.a, kAtom);
+      return n.op == Op::negate ? kSum : kComparison;
+    }
+    text = call(n);
+    return kAtom;
+  }
+
   void place(std::int32_t id) {
     const ExpressionGraph::Node& n = nodes_[at(id)];
     std::string& text = text_[at(id)];
-    Rank rank = kAtom;
-    switch (n.op) {
-      case Op::symbol: text = n.text; return;
-      case Op::constant: text = constant(n.value); return;
-      case Op::add:
-        text = operand(n.a, kSum) + " + " + operand(n.b, kSum);
-        rank = kSum;
-        break;
-      case Op::subtract:
-        text = operand(n.a, kSum) + " - " + operand(n.b, kProduct);
-        rank = kSum;
-        break;
-      case Op::multiply:
-        text = operand(n.a, kProduct) + " * " + operand(n.b, kProduct);
-        rank = kProduct;
-        break;
-      case Op::divide:
-        text = operand(n.a, kProduct) + " / " + operand(n.b, kAtom);
-        rank = kProduct;
-        break;
-      case Op::negate:
-        text = "-" + operand(n.a, kAtom);
-        rank = kSum;
-        break;
-      case Op::sine:
-      case Op::cosine: return circular(id);
-      case Op::less:
-        text = operand(n.a, kSum) + " < " + operand(n.b, kSum);
-        rank = kComparison;
-        break;
-      case Op::less_equal:
-        text = operand(n.a, kSum) + " <= " + operand(n.b, kSum);
-        rank = kComparison;
-        break;
-      case Op::equal:
-        text = operand(n.a, kSum) + " == " + operand(n.b, kSum);
-        rank = kComparison;
-        break;
-      case Op::logical_not:
-        text = "!" + operand(n.a, kAtom);
-        rank = kComparison;
-        break;
-      case Op::logical_and:
-        text = operand(n.a, kAtom) + " & " + operand(n.b, kAtom);
-        rank = kLogic;
-        break;
-      case Op::logical_or:
-        text = operand(n.a, kAtom) + " | " + operand(n.b, kAtom);
-        rank = kLogic;
-        break;
-      default: text = call(n); break;
+    if (n.op == Op::symbol || n.op == Op::constant) {
+      text = n.op == Op::symbol ? n.text : constant(n.value);
+      return;
     }
+    if (n.op == Op::sine || n.op == Op::cosine) return circular(id);
+    Rank rank = spell(n, text);
     if (operations_ != nullptr) ++*operations_;
     // a text of its own where it is used again, and before it fills a line
     if (uses_[at(id)] > 1 || text.size() > kLongest) {

@@ -452,22 +452,39 @@ ModelNames name_model(const Mechanism& mechanism) {
   return names;
 }
 
-WrittenModel write_model(const Mechanism& mechanism, const Unknowns& unknowns, int payload_frame,
-                         const std::vector<int>& told, const SphereOutputs& spheres) {
-  WrittenModel out;
-  out.names = name_model(mechanism);
-  const ModelNames& n = out.names;
-  const std::size_t joints = n.joints.size();
+namespace {
 
-  Equations dynamics(mechanism, unknowns, n, payload_frame);
+// What every function of the text is written from.
+struct Source {
+  const Mechanism& mechanism;
+  const Unknowns& unknowns;
+  const ModelNames& n;
+  int payload_frame;
+
+  Equations equations() const { return {mechanism, unknowns, n, payload_frame}; }
+  std::size_t joints() const { return n.joints.size(); }
+  bool has_params() const { return !unknowns.parameters.empty(); }
+};
+
+std::string dynamics_text(const Source& s, int& operations) {
+  Equations dynamics = s.equations();
   std::vector<std::string> values;
-  const std::string dynamics_code =
-      emit_code(dynamics.graph, dynamics.accelerations(), "    ", values, &out.operations);
+  const std::string code = emit_code(dynamics.graph, dynamics.accelerations(), "    ", values, &operations);
   std::vector<std::string> derivatives;
-  for (const std::string& v : n.velocities) derivatives.push_back("x." + v);
+  for (const std::string& v : s.n.velocities) derivatives.push_back("x." + v);
   derivatives.insert(derivatives.end(), values.begin(), values.end());
+  return "  // one text for all who call it: these equations are long, and a call costs nothing beside them\n"
+         "  __attribute__((noinline)) static State dynamics(const State& x, [[maybe_unused]] const Input& u, const Force& f,\n"
+         "                        [[maybe_unused]] const tiller::Body<S>& body" +
+         std::string(s.has_params() ? ", const Params& p" : "") +
+         ") {\n"
+         "    using tiller::sincos;\n" +
+         code + "    return {" + listed(derivatives, "            ") + "};\n  }\n\n";
+}
 
-  Equations inverse(mechanism, unknowns, n, payload_frame);
+std::string responses_text(const Source& s, int& operations) {
+  Equations inverse = s.equations();
+  const std::size_t joints = s.joints();
   std::vector<Expression> entries;
   for (const std::vector<Expression>& row : inverse.responses())
     for (std::size_t c = 0; c < joints && entries.size() < joints * joints; ++c) entries.push_back(row[c]);
@@ -475,105 +492,112 @@ WrittenModel write_model(const Mechanism& mechanism, const Unknowns& unknowns, i
   for (std::size_t r = 0; r < joints; ++r)
     for (std::size_t c = 0; c <= r; ++c) lower.push_back(entries[r * joints + c]);
   std::vector<std::string> columns;
-  std::string response_code = emit_code(inverse.graph, lower, "    ", columns, &out.response_operations);
+  std::string code = emit_code(inverse.graph, lower, "    ", columns, &operations);
   std::size_t k = 0;
   for (std::size_t r = 0; r < joints; ++r)
     for (std::size_t c = 0; c <= r; ++c, ++k) {
       const std::string place = "column[" + std::to_string(r) + "][" + std::to_string(c) + "]";
       const std::string mirror = "column[" + std::to_string(c) + "][" + std::to_string(r) + "]";
-      response_code += "    " + (r == c ? place : mirror + " = " + place) + " = " + columns[k] + ";\n";
+      code += "    " + (r == c ? place : mirror + " = " + place) + " = " + columns[k] + ";\n";
     }
+  return "  /// The inverse inertia: " + std::to_string(operations) +
+         " operations.\n"
+         "  static void responses([[maybe_unused]] const State& x, [[maybe_unused]] const tiller::Body<S>& body,\n"
+         "                        " +
+         (s.has_params() ? "[[maybe_unused]] const Params& p, " : std::string()) + "S (*column)[" +
+         std::to_string(joints) + "]) {\n    using tiller::sincos;\n" + code + "  }\n";
+}
 
-  const bool has_slopes =
-      std::none_of(mechanism.bodies.begin(), mechanism.bodies.end(), [](const MovingBody& b) { return b.mimics >= 0; });
-  std::string slope_code;
-  if (has_slopes) slope_code = slopes_text(mechanism, unknowns, n, payload_frame, out.slope_operations);
+std::string slopes_function_text(const Source& s, const WrittenModel& out, const std::string& code) {
+  const std::string joints = std::to_string(s.joints());
+  return "\n  /// Accelerations of the joints with what they follow from: the inverse inertia (column), and the slopes of the\n"
+         "  /// joints' forces by positions and speeds at these accelerations. " +
+         std::to_string(out.slope_operations + out.response_operations) +
+         " operations.\n"
+         "  __attribute__((noinline)) static void slopes(const State& x, [[maybe_unused]] const Input& u, const Force& f,\n"
+         "                     const tiller::Body<S>& body" +
+         std::string(s.has_params() ? ", const Params& p" : "") + ", S* acceleration, S (*column)[" + joints +
+         "],\n                     S (*by_position)[" + joints + "], S (*by_speed)[" + joints +
+         "], S* input_gain) {\n    responses(x, body, " + (s.has_params() ? "p, " : "") +
+         "column);\n    using tiller::sincos;\n" + code + "  }\n";
+}
 
-  Equations kinematics(mechanism, unknowns, n, payload_frame);
-  std::vector<std::string> outputs, told_values;
-  std::string pose_code;
+// Poses of frames and distances of spheres; nothing where there are none.
+std::string outputs_text(const Source& s, const std::vector<int>& told, const SphereOutputs& spheres, int& operations) {
+  std::vector<std::string> outputs, values;
   for (const int frame : told)
     for (const std::string& name :
-         frame_output_names(identifier(mechanism.frames[static_cast<std::size_t>(frame)].name)))
+         frame_output_names(identifier(s.mechanism.frames[static_cast<std::size_t>(frame)].name)))
       outputs.push_back(name);
-  std::vector<Expression> told_of = kinematics.poses(told);
-  for (const Expression& distance : kinematics.distances(spheres)) told_of.push_back(distance);
   const std::size_t first_distance = outputs.size();
   for (const SphereOutput& output : spheres.outputs) outputs.push_back(output.name);
-  if (!outputs.empty()) pose_code = emit_code(kinematics.graph, told_of, "    ", told_values, &out.output_operations);
+  if (outputs.empty()) return "";
+  Equations kinematics = s.equations();
+  std::vector<Expression> told_of = kinematics.poses(told);
+  for (const Expression& distance : kinematics.distances(spheres)) told_of.push_back(distance);
+  const std::string code = emit_code(kinematics.graph, told_of, "    ", values, &operations);
   for (std::size_t i = 0; i < spheres.outputs.size(); ++i)
     if (spheres.outputs[i].b >= 0) {
-      std::string& value = told_values[first_distance + i];
+      std::string& value = values[first_distance + i];
       value = "sqrt(" + value + " + S(" + number_text(kSoftDistance_m * kSoftDistance_m) + "))";
-      out.output_operations += 2;
+      operations += 2;
     }
+  return "\n" + fields_text("Output", outputs) + "\n  /// Poses of frames in the base's axes" +
+         (spheres.outputs.empty() ? std::string() : ", distances of spheres' centres") + ": " +
+         std::to_string(operations) + " operations.\n  static Output outputs([[maybe_unused]] const State& x" +
+         (s.has_params() ? ", [[maybe_unused]] const Params& p" : std::string()) + ") {\n    using tiller::sincos;\n" +
+         (spheres.outputs.empty() ? "" : "    using tiller::sqrt;\n") + code + "    return {" +
+         listed(values, "            ") + "};\n  }\n";
+}
 
-  std::vector<std::string> params;
-  for (const ModelParameter& p : unknowns.parameters) params.push_back(p.name);
-  const bool has_params = !params.empty();
-  const std::string p_argument = has_params ? ", const Params& p" : "";
-  std::vector<std::string> states = n.positions;
+// Up to the first function: names of states, inputs, parameters and forces, the table of joints.
+std::string fields_and_joints(const Source& s, int operations) {
+  const ModelNames& n = s.n;
+  const Mechanism& mechanism = s.mechanism;
+  std::vector<std::string> params, states = n.positions;
+  for (const ModelParameter& p : s.unknowns.parameters) params.push_back(p.name);
   states.insert(states.end(), n.velocities.begin(), n.velocities.end());
-
-  std::string& text = out.text;
-  text = "#pragma once\n\n#include \"tiller/model.hpp\"\n\n";
+  std::string text = "#pragma once\n\n#include \"tiller/model.hpp\"\n\n";
   text += "/// " + mechanism.name + ", from " + mechanism.path.substr(mechanism.path.find_last_of('/') + 1) +
           " by `tiller import`, which writes it anew: forward dynamics of the tree by the\n"
           "/// articulated-body algorithm (Featherstone 2008), unrolled: " +
-          std::to_string(out.operations) + " operations. ";
-  text += payload_frame >= 0
-              ? "The payload hangs at frame " + mechanism.frames[static_cast<std::size_t>(payload_frame)].name + ".\n"
+          std::to_string(operations) + " operations. ";
+  text += s.payload_frame >= 0
+              ? "The payload hangs at frame " + mechanism.frames[static_cast<std::size_t>(s.payload_frame)].name + ".\n"
               : "\n";
   text += "template <class S>\nstruct " + n.type + " {\n  static constexpr const char* name = \"" +
           identifier(mechanism.name) + "\";\n";
   text += fields_text("State", states) + fields_text("Input", n.inputs);
-  if (has_params) text += fields_text("Params", params);
+  if (s.has_params()) text += fields_text("Params", params);
   text += fields_text("Force", n.forces);
   text += "  static constexpr tiller_joint_t joints[] = {  // position, velocity, force, 1 + input\n";
   unsigned angles = 0;
-  for (std::size_t j = 0; j < joints; ++j) {
-    text += "      {\"" + n.joints[j] + "\", " + std::to_string(j) + ", " + std::to_string(joints + j) + ", " +
+  for (std::size_t j = 0; j < s.joints(); ++j) {
+    text += "      {\"" + n.joints[j] + "\", " + std::to_string(j) + ", " + std::to_string(s.joints() + j) + ", " +
             std::to_string(j) + ", " + std::to_string(n.input_of[j] + 1) + "},\n";
     if (mechanism.bodies[static_cast<std::size_t>(n.bodies[j])].wraps) angles |= 1u << j;
   }
   text += "  };\n";
   if (angles != 0) text += "  static constexpr unsigned angles = " + format("0x%xu", angles) + ";\n";
-  text += "  static constexpr bool long_dynamics = true;\n\n";
-  text +=
-      "  // one text for all who call it: these equations are long, and a call costs nothing beside them\n"
-      "  __attribute__((noinline)) static State dynamics(const State& x, [[maybe_unused]] const Input& u, const Force& f,\n"
-      "                        [[maybe_unused]] const tiller::Body<S>& body" +
-      p_argument +
-      ") {\n"
-      "    using tiller::sincos;\n" +
-      dynamics_code + "    return {" + listed(derivatives, "            ") + "};\n  }\n\n";
-  text += "  /// The inverse inertia: " + std::to_string(out.response_operations) +
-          " operations.\n"
-          "  static void responses([[maybe_unused]] const State& x, [[maybe_unused]] const tiller::Body<S>& body,\n"
-          "                        " +
-          (has_params ? "[[maybe_unused]] const Params& p, " : std::string()) + "S (*column)[" +
-          std::to_string(joints) + "]) {\n    using tiller::sincos;\n" + response_code + "  }\n";
-  if (has_slopes)
-    text +=
-        "\n  /// Accelerations of the joints with what they follow from: the inverse inertia (column), and the slopes of the\n"
-        "  /// joints' forces by positions and speeds at these accelerations. " +
-        std::to_string(out.slope_operations + out.response_operations) +
-        " operations.\n"
-        "  __attribute__((noinline)) static void slopes(const State& x, [[maybe_unused]] const Input& u, const Force& f,\n"
-        "                     const tiller::Body<S>& body" +
-        p_argument + ", S* acceleration, S (*column)[" + std::to_string(joints) +
-        "],\n                     S (*by_position)[" + std::to_string(joints) + "], S (*by_speed)[" +
-        std::to_string(joints) + "], S* input_gain) {\n    responses(x, body, " + (has_params ? "p, " : "") +
-        "column);\n    using tiller::sincos;\n" + slope_code + "  }\n";
-  if (!outputs.empty())
-    text += "\n" + fields_text("Output", outputs) + "\n  /// Poses of frames in the base's axes" +
-            (spheres.outputs.empty() ? std::string() : ", distances of spheres' centres") + ": " +
-            std::to_string(out.output_operations) +
-            " operations.\n  static Output outputs([[maybe_unused]] const State& x" +
-            (has_params ? ", [[maybe_unused]] const Params& p" : std::string()) + ") {\n    using tiller::sincos;\n" +
-            (spheres.outputs.empty() ? "" : "    using tiller::sqrt;\n") + pose_code + "    return {" +
-            listed(told_values, "            ") + "};\n  }\n";
-  text += "};\n";
+  return text + "  static constexpr bool long_dynamics = true;\n\n";
+}
+
+}  // namespace
+
+WrittenModel write_model(const Mechanism& mechanism, const Unknowns& unknowns, int payload_frame,
+                         const std::vector<int>& told, const SphereOutputs& spheres) {
+  WrittenModel out;
+  out.names = name_model(mechanism);
+  const Source source{mechanism, unknowns, out.names, payload_frame};
+  const std::string dynamics = dynamics_text(source, out.operations);
+  out.text = fields_and_joints(source, out.operations) + dynamics + responses_text(source, out.response_operations);
+  const bool has_slopes =
+      std::none_of(mechanism.bodies.begin(), mechanism.bodies.end(), [](const MovingBody& b) { return b.mimics >= 0; });
+  if (has_slopes) {
+    const std::string code = slopes_text(mechanism, unknowns, out.names, payload_frame, out.slope_operations);
+    out.text += slopes_function_text(source, out, code);
+  }
+  out.text += outputs_text(source, told, spheres, out.output_operations) + "};\n";
   return out;
 }
 

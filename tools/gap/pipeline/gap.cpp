@@ -120,6 +120,39 @@ void keep_model(const Session& s, const SearchResult& found, Result& result) {
   result.model = model_fit(found.entries[entry], s.dispersion, result.ranking[result.model_place].remaining_sigma);
 }
 
+std::string scale_note(double scale) {
+  return "The motion is " + format("%.3g", scale > 1 ? scale : 1 / scale) + " times " +
+         (scale > 1 ? "slower" : "faster") +
+         " than that of a machine that moves within a second: windows and rollouts are " +
+         format("%.3g s", kWindow_s * scale) + " long.";
+}
+
+// True with a reason in `result`.
+bool has_too_little(const Session& s, Result& result) {
+  if (static_cast<double>(s.work.size()) * kWindow_s >= kLeast_s && s.fold[0].size() >= 2 && s.fold[1].size() >= 2)
+    return false;
+  result.reasons.push_back("the logs hold " + format("%.1f", s.data.data_s) + " s in stretches of which " +
+                           format("%zu", s.work.size()) + " windows of " + format("%.3g s", kWindow_s * s.time_scale) +
+                           " can be cut; at least " + format("%.0f", kLeast_s) +
+                           " are needed: record longer, without gaps");
+  return true;
+}
+
+// Fits of all that is reported, with the information that intervals are made of.
+void fit_with_information(Session& s, SearchResult& found) {
+  FitSettings last;
+  last.information = true;
+  const auto& set = found.ambiguity;
+  for (std::size_t i = 0; i < found.entries.size(); ++i)
+    if (i == 0 || i == found.best || i == found.leading || std::find(set.begin(), set.end(), i) != set.end())
+      s.shooting->fit(found.entries[i].hypothesis, s.work, last, found.entries[i].fit);
+}
+
+void note_untold(const Candidate& nominal, const std::vector<std::string>& param_names, Result& result) {
+  for (const UntoldDirection& d : untold_directions(nominal.hypothesis, nominal.fit, param_names))
+    result.notes.push_back(untold_text(nominal.hypothesis, d, param_names));
+}
+
 }  // namespace
 
 Result find_gap_on(const tiller_config_t& as_told, const std::vector<std::string>& param_names, std::vector<Grid> work,
@@ -137,8 +170,7 @@ Result find_gap_on(const tiller_config_t& as_told, const std::vector<std::string
   Session s{fine, config.substeps, options, make_window_data(std::move(work), config), scale};
   s.windows = make_windows(s.data, config, kWindow_s, 0, own);
   split_windows(s.windows, hold_out.empty() ? kTestShare : 0.0);
-  std::vector<Window> held = make_windows(s.data, config, kWindow_s, own, all);
-  for (Window& w : held) {
+  for (Window& w : make_windows(s.data, config, kWindow_s, own, all)) {
     w.test = true;
     s.windows.push_back(w);
   }
@@ -148,19 +180,8 @@ Result find_gap_on(const tiller_config_t& as_told, const std::vector<std::string
   result.fit_windows = result.decide_windows = s.work.size();
   result.test_windows = s.test.size();
   result.data_s = s.data.data_s;
-  if (scale != 1)
-    result.notes.push_back("The motion is " + format("%.3g", scale > 1 ? scale : 1 / scale) + " times " +
-                           (scale > 1 ? "slower" : "faster") +
-                           " than that of a machine that moves within a second: "
-                           "windows and rollouts are " +
-                           format("%.3g s", kWindow_s * scale) + " long.");
-  if (static_cast<double>(s.work.size()) * kWindow_s < kLeast_s || s.fold[0].size() < 2 || s.fold[1].size() < 2) {
-    result.reasons.push_back("the logs hold " + format("%.1f", s.data.data_s) + " s in stretches of which " +
-                             format("%zu", s.work.size()) + " windows of " + format("%.3g s", kWindow_s * scale) +
-                             " can be cut; at least " + format("%.0f", kLeast_s) +
-                             " are needed: record longer, without gaps");
-    return result;
-  }
+  if (scale != 1) result.notes.push_back(scale_note(scale));
+  if (has_too_little(s, result)) return result;
   s.scales = measure_scales(s.data, s.windows, config, prior_centre(config).data());
   if (options.before) s.scales.before = &before;
   s.candidates = candidates_of(config, options, inputs_that_move(config, s.data.grids));
@@ -171,16 +192,8 @@ Result find_gap_on(const tiller_config_t& as_told, const std::vector<std::string
 
   SearchResult found = search(s);
   confirm(s, found);
-  FitSettings last;
-  last.information = true;
-  s.shooting->fit(found.entries[0].hypothesis, s.work, last, found.entries[0].fit);
-  if (!options.before)
-    for (const UntoldDirection& d : untold_directions(found.entries[0].hypothesis, found.entries[0].fit, param_names))
-      result.notes.push_back(untold_text(found.entries[0].hypothesis, d, param_names));
-  for (std::size_t i = 1; i < found.entries.size(); ++i)
-    if (i == found.best || i == found.leading ||
-        std::find(found.ambiguity.begin(), found.ambiguity.end(), i) != found.ambiguity.end())
-      s.shooting->fit(found.entries[i].hypothesis, s.work, last, found.entries[i].fit);
+  fit_with_information(s, found);
+  if (!options.before) note_untold(found.entries[0], param_names, result);
   result.interrupted = found.interrupted;
   Candidate frozen;
   if (options.before) {
