@@ -1,11 +1,13 @@
 // What is named and what is not, from logs of an integrator that is not the runtime's.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstdio>
 
 #include "effects/effect_info.hpp"
 #include "tests/gap/synthetic.hpp"
 #include "tiller/config.hpp"
+#include "tools/gap/fit/scales.hpp"
 #include "tools/gap/pipeline/gap.hpp"
 
 namespace tiller::tools::gap {
@@ -102,6 +104,92 @@ TEST(Engine, NamesCoggingWhoseTeethItHasToFind) {
   EXPECT_EQ(r.verdict, Verdict::named);
   EXPECT_EQ(names_of(r), Names{"cogging"});
   EXPECT_NEAR(r.ranking.front().params.back().mean, 6.283185 / 11, 0.01);
+}
+
+// Turns on and on: 24 magnets a turn are periods of a thousandth of the travel.
+TEST(Engine, NamesCoggingByItsOrderOfManyTurns) {
+  Synthetic s = pendulum(3e-4);
+  s.params = {0.1, 0.1, 0.03};
+  s.period_s = 0.005;
+  s.seconds = 5;
+  s.mean = 0.22;
+  s.amplitude = 0.05;
+  s.force = [](double q, double, double, double) { return 0.02 * std::sin(24 * q + 0.4); };
+  const Result r = run(s, 100021);
+  EXPECT_EQ(r.verdict, Verdict::named);
+  EXPECT_EQ(names_of(r), Names{"cogging"});
+  EXPECT_NEAR(r.ranking.front().params.back().mean, 6.283185 / 24, 1e-4);
+  ASSERT_EQ(r.orders.size(), 1u);
+  const std::vector<double>& amplitude = r.orders[0].amplitude;
+  const auto top = std::max_element(amplitude.begin(), amplitude.end());
+  EXPECT_EQ(top - amplitude.begin() + 1, 24);
+  EXPECT_NEAR(*top, 0.02, 0.005);
+  EXPECT_GT(*top, r.orders[0].chance[23]);
+  for (std::size_t n = 0; n < amplitude.size(); ++n) {
+    if (n == 23) continue;
+    EXPECT_LT(amplitude[n], 0.5 * *top) << n + 1;
+  }
+}
+
+// A spring that hardens bends as a wave of ten times the travel does, which nobody has seen repeat.
+TEST(Engine, NamesNoPeriodThatTheTravelLacks) {
+  Synthetic s = pendulum(2e-3);
+  s.force = [](double q, double, double, double) { return -0.5 * q - 0.6 * q * q * q; };
+  const Result r = run(s, 100022);
+  EXPECT_EQ(names_of(r), (Names{"cubic_spring", "linear_spring"}));
+  for (const std::size_t i : r.ambiguity)
+    for (const EffectAt& e : r.ranking[i].effects) {
+      const EffectInfo& info = effect_info(e.kind);
+      EXPECT_FALSE(is_spatial_period(info.params[info.param_count - 1])) << info.name;
+    }
+}
+
+// Sixteen runs of a base from rest, 3 s each at 40 Hz. Its left drive answers late and slowly, which only the launches
+// tell: from then on the wheels turn evenly.
+TEST(Engine, NamesTheDriveByTheLaunchesOfShortRuns) {
+  constexpr double kDelay_s = 0.08, kLag_s = 0.15, kPeriod_s = 0.025, kStep_s = 0.001;
+  tiller::Config config;
+  tiller_config_default(&config, tiller_find_model("skid_steer"));
+  const double params[] = {0.1, 0.4, 0.0};
+  config.period_s = kPeriod_s;
+  for (std::uint32_t i = 0; i < 3; ++i) config.priors[i] = {tiller_prior_fixed, 0, params[i], 0, params[i], params[i]};
+  config.measurement_count = 3;
+  for (std::uint8_t i = 0; i < 3; ++i) {
+    config.measured_state[i] = i;
+    config.measurement_sd[i] = 0.004;
+  }
+  std::vector<Grid> grids;
+  for (std::uint64_t run = 0; run < 16; ++run) {
+    Rng rng(100023, 5, static_cast<std::uint32_t>(run));
+    const double left = 3 + 2 * rng.uniform(), right = left * (0.8 + 0.4 * rng.uniform());
+    Grid grid;
+    grid.path = "run" + std::to_string(run) + ".csv";
+    grid.period_s = kPeriod_s;
+    grid.state.resize(3);
+    double x[3] = {}, turns = 0;
+    for (std::size_t p = 0; p < 120; ++p) {
+      for (std::size_t i = 0; i < 3; ++i) grid.state[i].push_back(x[i] + 0.004 * rng.normal());
+      for (int n = 0; n < 25; ++n) {
+        const double t = static_cast<double>(p) * kPeriod_s + n * kStep_s;
+        const double other = p < 6 ? 0 : right;
+        turns += ((t + 0.5 * kStep_s > 6 * kPeriod_s + kDelay_s ? left : 0) - turns) * kStep_s / kLag_s;
+        const double ahead = params[0] * (turns + other) / 2;
+        x[2] += kStep_s * params[0] * (other - turns) / params[1];
+        x[0] += kStep_s * ahead * std::cos(x[2]);
+        x[1] += kStep_s * ahead * std::sin(x[2]);
+      }
+    }
+    grid.input = {std::vector<double>(120, left), std::vector<double>(120, right)};
+    for (auto& input : grid.input) std::fill_n(input.begin(), 6, 0.0);
+    grids.push_back(std::move(grid));
+  }
+  Options options;
+  options.max_effects = 2;
+  const Result r = find_gap_on(config, {"wheel_radius_m", "axle_m", "icr_offset_m"}, grids, {}, options);
+  std::printf("   %s\n", r.sentence.c_str());
+  EXPECT_EQ(r.verdict, Verdict::named);
+  EXPECT_EQ(names_of(r), (Names{"actuator_lag", "input_delay"}));
+  EXPECT_LT(r.remaining_sigma, 1.1);
 }
 
 TEST(Engine, NamesTwo) {

@@ -62,7 +62,9 @@ def gap_result(verdict: str = "named", channels: int = 1) -> dict:
                            _map("joint", "joint_Nm", "position", "angle_rad", 1.0, 0.01 * np.cos(x)),
                            _map("joint", "joint_Nm", "input_rate", "d torque_Nm/dt", 0.3, 0.01 * x)],
                   "forces": [{"joint": "joint", "force": "joint_Nm", "log": "runs/a.csv", "time_s": list(t),
-                              "mean": [None] + list(-0.1 * np.tanh(5 * wave[1:])), "sd": [0.01] * len(t)}]},
+                              "mean": [None] + list(-0.1 * np.tanh(5 * wave[1:])), "sd": [0.01] * len(t)}],
+                  "orders": [{"joint": "joint", "force": "joint_Nm",
+                              "amplitude": list(0.02 + 0.2 * (np.arange(1, 80) == 72)), "chance": [0.05] * 78 + [None]}]},
         "ranking": ranking, "ambiguity": [0, 1] if verdict == "ambiguous" else [0] if found else [],
         "leading": 1 if verdict == "leading" else None, "more_s": 20.0 if verdict == "leading" else 0.0,
         "separation": "move slowly through standstill" if verdict in ("ambiguous", "leading") else "", "remaining_sigma": 1.02,
@@ -70,7 +72,7 @@ def gap_result(verdict: str = "named", channels: int = 1) -> dict:
         "cost": {"cpu_s": 2.1, "memory_bytes": 12000000}, **gap}
     if verdict == "unfit":
         result.update(ranking=[], horizons=[], overlays=[], catalogue={}, robot_file=None,
-                      where={"region": None, "maps": [], "forces": []},
+                      where={"region": None, "maps": [], "forces": [], "orders": []},
                       reasons=["runs/a.csv:302: column 'time_s': 0.8 s are missing; cut the file there"])
     if verdict == "no_gap":
         result["where"]["region"] = None

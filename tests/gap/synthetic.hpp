@@ -22,6 +22,7 @@ struct Synthetic {
   double encoder_step = 0;  // of positions
   bool rates = false;       // rates are measured as well, with 20 times the noise
   double amplitude = 1.5;   // of the input
+  double mean = 0;          // of the input
   std::uint32_t joint = 0;
   std::function<double(double q, double v, double u, double t)> force;  // at `joint`; empty: none
   std::function<double(double u)> actuator;                             // empty: as commanded
@@ -79,7 +80,7 @@ inline Grid simulate(const Synthetic& s, std::uint64_t seed) {
   const int fine = static_cast<int>(std::lround(s.period_s / 0.0005));
   const double h = s.period_s / fine;
   const auto command = [&](double t) {
-    return s.amplitude * multisine(s.continuous ? t : std::floor(t / s.period_s + 1e-9) * s.period_s, seed);
+    return s.mean + s.amplitude * multisine(s.continuous ? t : std::floor(t / s.period_s + 1e-9) * s.period_s, seed);
   };
   const tiller_joint_t& joint = model.joints[s.joint];
   const auto slope = [&](const std::vector<double>& at, double t, std::vector<double>& dx) {

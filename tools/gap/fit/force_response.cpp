@@ -114,8 +114,10 @@ double Shooting::position_between(const Window& w, const std::vector<double>& pa
   const std::uint32_t q = model_.joints[joint].position;
   if (q == TILLER_NO_POSITION) return 0.0;
   // where it was, not where the base thinks it was: half a tooth apart is the opposite force
-  double seen = 0;
-  for (std::size_t m = w.start + k - 1; m < w.start + k + 3; ++m) seen += 0.25 * data_.grids[w.grid].state[q][m];
+  const std::vector<double>& position = data_.grids[w.grid].state[q];
+  const std::size_t at = w.start + k, last = position.size() - 1;
+  const double seen = 0.25 * (position[at > 0 ? at - 1 : 0] + position[at] + position[std::min(at + 1, last)] +
+                              position[std::min(at + 2, last)]);
   if (std::isfinite(seen)) return seen;
   return 0.5 * (path[(k * nx_ + q) * kLanes] + path[((k + 1) * nx_ + q) * kLanes]);
 }

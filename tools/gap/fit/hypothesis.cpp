@@ -151,11 +151,9 @@ bool make_hypothesis(const tiller_config_t& nominal, const std::vector<EffectAt>
       const double scale = scales ? scale_of(*scales, *nominal.model, effect.kind, effect.port, i) : 1.0;
       FreeParam f{out.config.param_count, 0, 0, scale, {}};
       bound(effect.kind, param, nominal, f);
-      if (param.scale == Scale::spatial_period && scales) {
-        const std::uint32_t j = joint_of(*nominal.model, effect.kind, effect.port);
-        if (j >= nominal.model->joint_count) return false;
-        if (!(f.low > 0)) f.low = 4 * scales->joint[j].step;
-        if (!std::isfinite(f.high)) f.high = std::max(2 * f.low, scales->joint[j].range);
+      if (is_spatial_period(param) && scales) {
+        f.high = std::min(f.high, travel_of(*scales, *nominal.model, effect.kind, effect.port) / kLeastRepeats);
+        if (!(f.high > f.low)) return false;
       }
       f.prior = {tiller_prior_uniform, 0, 0, 0, f.low, f.high};
       out.config.priors[out.config.param_count++] = f.prior;

@@ -157,6 +157,27 @@ bool is_strength(Scale scale) {
   }
 }
 
+bool is_spatial_period(const EffectParam& param) {
+  return param.scale == Scale::spatial_period || std::strcmp(param.name, "spatial_period_SI") == 0;
+}
+
+double travel_of(const Scales& s, const tiller_model_t& model, std::uint32_t kind, std::uint32_t port) {
+  const std::uint32_t j = joint_of(model, kind, port);
+  const bool sensor = effect_info(kind).port == PortKind::sensor;
+  if (sensor && (j >= model.joint_count || model.joints[j].position != port))
+    return std::sqrt(12.0) * s.channel[port];  // of an even spread
+  return j < model.joint_count && model.joints[j].position != TILLER_NO_POSITION ? s.joint[j].range : 0;
+}
+
+double turn_of(const Scales& s, const tiller_model_t& model, std::uint32_t kind, std::uint32_t port) {
+  constexpr double kTurn = 6.283185307179586;
+  const std::uint32_t j = joint_of(model, kind, port);
+  if (j >= model.joint_count || model.joints[j].position == TILLER_NO_POSITION) return 0;
+  if (effect_info(kind).port == PortKind::sensor && model.joints[j].position != port) return 0;
+  const bool turns = (model.angle_mask >> model.joints[j].position & 1u) != 0;
+  return turns && s.joint[j].range >= kLeastRepeats * kTurn ? kTurn : 0;
+}
+
 double scale_of(const Scales& s, const tiller_model_t& model, std::uint32_t kind, std::uint32_t port, int param) {
   const EffectInfo& info = effect_info(kind);
   const std::uint32_t j = joint_of(model, kind, port);

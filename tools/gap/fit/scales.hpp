@@ -39,6 +39,16 @@ double start_of(const Scales& scales, const tiller_model_t& model, std::uint32_t
 /// Whether a parameter that goes with `scale` takes the effect away at zero; others are its shape.
 bool is_strength(Scale scale);
 
+/// Whether it is the length after which a force or an error repeats.
+bool is_spatial_period(const EffectParam& param);
+
+/// Excursion of the position, or of the sensor, that an effect of `kind` at `port` goes with; 0 for none.
+double travel_of(const Scales& scales, const tiller_model_t& model, std::uint32_t kind, std::uint32_t port);
+
+/// A turn, where the travel of that position contains it twice; else 0. What repeats with the position of a joint that
+/// turns repeats with each turn: its periods are whole parts of one.
+double turn_of(const Scales& scales, const tiller_model_t& model, std::uint32_t kind, std::uint32_t port);
+
 /// Joint that an effect acts at, also through the input that drives it; joint_count for none.
 std::uint32_t joint_of(const tiller_model_t& model, std::uint32_t kind, std::uint32_t port);
 

@@ -22,11 +22,15 @@ WindowRollout::WindowRollout(const WindowData& data, const tiller_config_t& conf
   predicted_.resize((points + 1) * config.measurement_count * kLanes);
 }
 
+double WindowRollout::command(const Window& w, std::size_t point, std::size_t input) const {
+  return data_.controls[w.grid][point * model_.input_count + input];
+}
+
 const double* WindowRollout::history(const Window& w, std::size_t start) {
   const std::uint32_t nu = model_.input_count;
-  const std::vector<double>& controls = data_.controls[w.grid];
   for (std::size_t d = 0; d < hypothesis_->setup.delay_steps; ++d)
-    for (std::uint32_t i = 0; i < nu; ++i) history_[d * nu + i] = controls[(start > d ? start - 1 - d : 0) * nu + i];
+    for (std::uint32_t i = 0; i < nu; ++i)
+      history_[d * nu + i] = start > d ? command(w, start - 1 - d, i) : data_.commands_before[w.grid][i];
   return history_.data();
 }
 
@@ -64,25 +68,19 @@ void WindowRollout::follow_path(const Window& w, std::size_t start) {
 // The state at `start` of an effect that commands alone move, by all of them that count: a limiter may be seconds
 // behind, a supply takes as long to recover, longer than any run-in.
 void WindowRollout::follow_commands(const Window& w, const EffectSlot& slot, std::size_t start) {
-  const std::uint32_t nu = model_.input_count;
   const double period = data_.grids[w.grid].period_s;
   const auto most = static_cast<std::size_t>(std::lround(kLimiterRunIn_s * data_.grids[w.grid].time_scale / period));
   double* out = effect_states_.data() + slot.state * kLanes;
   const double* params = params_.data() + slot.param * kLanes;
   const bool limits = has_role(slot.kind, kLimit);
   std::size_t k = start > most ? start - most : 0;
-  // a log begins with a drive that was off, unless the machine moves already; a stretch after a gap with its command
-  const bool off = k == 0 && data_.begins_at_rest[w.grid];
-  const auto target = [&](std::size_t at) {
-    const double command = data_.controls[w.grid][at * nu + slot.port];
-    return limits ? command : std::fabs(command);
-  };
-  std::fill_n(out, kLanes, off ? 0.0 : target(k));
+  const auto target = [&](double command) { return limits ? command : std::fabs(command); };
+  std::fill_n(out, kLanes, target(k > 0 ? command(w, k, slot.port) : data_.commands_before[w.grid][slot.port]));
   double keep[kLanes];  // of the distance, over a period
   for (std::uint32_t l = 0; l < kLanes; ++l)
     keep[l] = limits ? 0.0 : std::exp(-period / std::max(params[kLanes + l], 1e-9));
   for (; k < start; ++k) {
-    const double now = target(k);
+    const double now = target(command(w, k, slot.port));
     for (std::uint32_t l = 0; l < kLanes; ++l) {
       const double change = now - out[l];
       const double bound = limits && params[l] > 0 ? params[l] * period : std::fabs(change);
@@ -102,7 +100,8 @@ void WindowRollout::run_in(const Window& w) {
   for (std::uint32_t e = 0; e < setup.effect_count; ++e)
     if (has_role(setup.effects[e].kind, kLag))
       std::fill_n(effect_states_.begin() + setup.effects[e].state * kLanes, kLanes,
-                  data_.controls[w.grid][(start > 0 ? start - 1 : 0) * nu + setup.effects[e].port]);
+                  start > 0 ? command(w, start - 1, setup.effects[e].port)
+                            : data_.commands_before[w.grid][setup.effects[e].port]);
     else if (has_role(setup.effects[e].kind, kFollows | kLoad))
       follow_commands(w, setup.effects[e], start);
     else if (has_role(setup.effects[e].kind, kClock))

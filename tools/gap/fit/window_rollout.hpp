@@ -26,6 +26,7 @@ class WindowRollout {
   static std::size_t bytes_for(const tiller_config_t& config, std::size_t points);
 
  private:
+  double command(const Window& window, std::size_t point, std::size_t input) const;
   const double* history(const Window& window, std::size_t start);
   void follow_commands(const Window& window, const EffectSlot& slot, std::size_t start);
   void run_in(const Window& window);

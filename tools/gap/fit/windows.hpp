@@ -27,15 +27,21 @@ struct WindowData {
   std::vector<std::vector<double>> measured;  ///< per grid (points x ny)
   /// Per grid (points x nx): the state at each point as the measurements around it say; NaN where they do not.
   std::vector<std::vector<double>> path;
-  std::vector<bool> begins_at_rest;  ///< per grid: it is a log's beginning, and no joint moves there
+  std::vector<bool> begins_at_rest;                  ///< per grid: it is a log's beginning, and nothing moves there
+  std::vector<std::vector<double>> commands_before;  ///< per grid (nu): in force before its first point
   double data_s = 0;
 };
 
 /// Copies and unwraps the grids.
 WindowData make_window_data(std::vector<Grid> grids, const tiller_config_t& config);
 
-/// Windows of about `seconds` times the grids' time scale, end to end, each with a run-in before it. Stretches that are
-/// too short give none. `first_grid`, `last_grid`: of data.grids.
+/// Gives a window its start state and its run-in by its grid and start; false where the measurements do not tell them.
+/// A log that begins at rest needs no run-in at its first point: drives are at commands_before.
+bool begin_window(const WindowData& data, const tiller_config_t& config, Window& window);
+
+/// Windows of about `seconds` times the grids' time scale, end to end, each with a run-in before it; in a log that
+/// begins at rest from its first point. Stretches that are too short give none. `first_grid`, `last_grid`: of
+/// data.grids.
 std::vector<Window> make_windows(const WindowData& data, const tiller_config_t& config, double seconds,
                                  std::size_t first_grid, std::size_t last_grid);
 

@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "core/rng.hpp"
+#include "tools/gap/localise/order_spectrum.hpp"
 #include "tools/gap/localise/residual_force.hpp"
 
 namespace tiller::tools::gap {
@@ -406,6 +407,7 @@ void localise(const tiller_config_t& config, const std::vector<Grid>& grids, con
               Result& result) {
   result.maps.clear();
   result.forces.clear();
+  result.orders.clear();
   result.region = {};
   std::string why;
   const std::vector<ResidualForce> forces = residual_forces(config, grids, params, why);
@@ -414,6 +416,7 @@ void localise(const tiller_config_t& config, const std::vector<Grid>& grids, con
     return;
   }
   result.forces = along_the_longest(grids, forces);
+  result.orders = order_spectra(config, grids, forces);
   const tiller_model_t& model = *config.model;
   std::vector<std::vector<double>> weak(model.joint_count);
   const int permutations = permutation_count(model.joint_count * static_cast<std::size_t>(Axis::count));

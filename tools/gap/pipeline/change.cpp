@@ -237,7 +237,9 @@ std::string change_sentence(const Session& s, const Result& result) {
       return "Nothing changed: the model of before foresees the logs of after as it does its own (" + length +
              " rollouts: " + format("%.2f", result.nominal_sigma) +
              " times what is left before), and no other parameter or effect makes it better" +
-             (result.leading != 0 || !result.ranking.front().effects.empty() ? " to a proven degree." : ".");
+             (!result.ranking.front().effects.empty() ? " by as much as counts."
+              : result.leading != 0                   ? " to a proven degree."
+                                                      : ".");
     case Verdict::named: {
       std::string text = "Changed: " + changed + "." + from_to;
       if (alternatives.size() > 1)

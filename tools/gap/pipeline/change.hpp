@@ -4,6 +4,10 @@
 
 namespace tiller::tools::gap {
 
+/// What the model of before leaves beyond the best explanation, in amplitude, over what it leaves on its own logs: a
+/// change that adds less is not told, however well it is proven. The best models are wrong by as much.
+constexpr double kLeastChange_sigma = 0.3;
+
 /// Candidates of what may have changed, beside new effects: every parameter that the robot file learns, and known ones
 /// but for lengths, which no use of a machine changes, and zeros, which the catalogue's effects stand for.
 std::vector<EffectAt> changeable_parameters(const tiller_config_t& config);

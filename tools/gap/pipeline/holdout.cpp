@@ -24,12 +24,7 @@ std::vector<Window> test_windows(const Session& s, double seconds) {
       Window w = first;
       w.start = first.start + k * points;
       w.points = static_cast<std::uint32_t>(points);
-      bool ok = false;
-      for (const double half : {kStateHalfWidth_s * scale, 3 * kStateHalfWidth_s * scale})
-        ok = ok || estimate_state(s.data.grids[w.grid], s.config, w.start, half, w.x0, w.x0_sd);
-      ok = ok && estimate_state(s.data.grids[w.grid], s.config, w.start - w.run_in_steps, kStateHalfWidth_s * scale,
-                                w.run_in);
-      if (ok) cut.push_back(w);
+      if (begin_window(s.data, s.config, w)) cut.push_back(w);
     }
     i = last;
   }

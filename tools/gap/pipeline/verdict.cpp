@@ -354,6 +354,20 @@ void say_named(const Answer& a, Result& result) {
     result.notes.push_back("Beside it: " + join(off, "; ") + ". Is that prior right?");
 }
 
+// The best explanation is all but what the model of before says already.
+bool changes_nothing(const Answer& a, const Result& result) {
+  if (!a.s.options.before) return false;
+  const double left = a.s.sigma(a.best().cv_cost, a.s.work), was = result.frozen_sigma;
+  return was * was - left * left < kLeastChange_sigma * kLeastChange_sigma;
+}
+
+void say_too_small(const Answer& a, Result& result) {
+  say_within_budget(a, "by less than " + format("%.2g", kLeastChange_sigma) + " of what is left before", result);
+  for (const Change& c : result.changes)
+    if (!c.effect) result.others.push_back(c);
+  result.changes.clear();
+}
+
 void say_verdict(const Answer& answer, Result& result) {
   const Session& s = answer.s;
   const SearchResult& found = answer.found;
@@ -363,6 +377,7 @@ void say_verdict(const Answer& answer, Result& result) {
     for (const std::vector<EffectAt>& set : found.beside) sets.push_back(effects_text(set, s.config));
     result.notes.push_back("Something small acts beside it that the data do not tell: " + join(sets, "; or ") + ".");
   }
+  if (changes_nothing(answer, result)) return say_too_small(answer, result);
   if (const HorizonGap* worse = worse_horizon(result)) return say_refuted(answer, *worse, result);
   if (answer.left > kExplained_sigma || name_count(answer.best().effects()) > 2) return say_nearest(answer, result);
   say_named(answer, result);

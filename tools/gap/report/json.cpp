@@ -50,6 +50,13 @@ json force_json(const MissingForce& f, const tiller_model_t& model) {
           {"sd", numbers(f.sd)}};
 }
 
+json orders_json(const OrderSpectrum& o, const tiller_model_t& model) {
+  return {{"joint", model.joints[o.joint].name},
+          {"force", force_name(model, o.joint)},
+          {"amplitude", numbers(o.amplitude)},
+          {"chance", numbers(o.chance)}};
+}
+
 json region_json(const Region& region, const tiller_model_t& model) {
   if (!region.found) return nullptr;
   return {{"joint", model.joints[region.joint].name},
@@ -205,10 +212,13 @@ int exit_code_of(const Result& result, double budget_sigma) {
 std::string gap_json(const RobotFile& robot, const Options& options, const Result& result,
                      const std::string& robot_file) {
   const tiller_model_t& model = *robot.config.model;
-  json maps = json::array(), ranking = json::array(), forces = json::array();
+  json maps = json::array(), ranking = json::array(), forces = json::array(), orders = json::array();
   for (const MissingForce& f : result.forces) forces.push_back(force_json(f, model));
+  for (const OrderSpectrum& o : result.orders) orders.push_back(orders_json(o, model));
   for (const AxisMap& map : result.maps) maps.push_back(map_json(map, model));
   for (const Explanation& x : result.ranking) ranking.push_back(explanation_json(x, robot));
+  const json where = {
+      {"region", region_json(result.region, model)}, {"maps", maps}, {"forces", forces}, {"orders", orders}};
   const json out = {{"format", "tiller-gap"},
                     {"version", kJsonVersion},
                     {"tiller", tiller_version()},
@@ -240,7 +250,7 @@ std::string gap_json(const RobotFile& robot, const Options& options, const Resul
                      {{"nominal_sigma", number(result.nominal_sigma)},
                       {"noise_ratio", number(result.noise_ratio)},
                       {"whiteness_p", number(result.whiteness_p)}}},
-                    {"where", {{"region", region_json(result.region, model)}, {"maps", maps}, {"forces", forces}}},
+                    {"where", where},
                     {"ranking", ranking},
                     {"ambiguity", result.ambiguity},
                     {"leading", result.leading == 0 ? json(nullptr) : json(result.leading)},

@@ -120,6 +120,13 @@ struct Region {
   double z = 0;
 };
 
+/// The residual force of a joint that turns, by whole orders of its revolution.
+struct OrderSpectrum {
+  std::uint32_t joint = 0;
+  std::vector<double> amplitude;  ///< of orders 1, 2, ...; N m
+  std::vector<double> chance;     ///< (orders) which one of twenty spectra of chance reach at any order
+};
+
 /// The force that the model lacks at a joint along a log, smoothed.
 struct MissingForce {
   std::uint32_t joint = 0;
@@ -154,7 +161,8 @@ struct Result {
   // where
   std::vector<AxisMap> maps;  ///< strongest first
   Region region;
-  std::vector<MissingForce> forces;  ///< of each joint, along the longest stretch of the logs
+  std::vector<MissingForce> forces;   ///< of each joint, along the longest stretch of the logs
+  std::vector<OrderSpectrum> orders;  ///< of joints whose travel contains a turn twice
 
   // what
   std::vector<Explanation> ranking;    ///< best first; the nominal model is among them

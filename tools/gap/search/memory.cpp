@@ -37,8 +37,9 @@ std::size_t localise_bytes(const Session& s) {
   for (const Grid& grid : s.data.grids) points += grid.points(), longest = std::max(longest, grid.points());
   const std::size_t smoothed = std::size_t{model.state_count} + model.joint_count;
   const std::size_t passes = longest * (2 * smoothed + 3 * smoothed * smoothed) * kNumber;
-  const std::size_t rows =
-      8 * std::size_t{model.joint_count} + 3 * std::size_t{model.input_count} + 2 * std::size_t{model.state_count} + 14;
+  const std::size_t orders = 7;  // of a joint's points (order_spectrum.cpp)
+  const std::size_t rows = 8 * std::size_t{model.joint_count} + 3 * std::size_t{model.input_count} +
+                           2 * std::size_t{model.state_count} + orders + 14;
   const std::size_t maps = 6 * std::size_t{model.joint_count};
   return 2 * points * rows * kNumber + passes + maps * (sizeof(AxisMap) + 512 * kNumber + 32 * sizeof(AxisMap::Bin));
 }

@@ -34,14 +34,11 @@ std::vector<Window> pieces_of(const Session& s) {
     const Grid& grid = s.data.grids[whole.grid];
     const auto wanted = static_cast<std::uint32_t>(std::max(8.0, std::round(kBrief_s * s.time_scale / grid.period_s)));
     const std::uint32_t count = std::max(1u, whole.points / wanted);
-    const double half_width_s = kStateHalfWidth_s * s.time_scale;
     for (std::uint32_t k = 0; k < count; ++k) {
       Window piece = whole;
       piece.points = whole.points / count;
       piece.start += k * std::size_t{piece.points};
-      if (estimate_state(grid, s.config, piece.start, half_width_s, piece.x0, piece.x0_sd) &&
-          estimate_state(grid, s.config, piece.start - piece.run_in_steps, half_width_s, piece.run_in))
-        pieces.push_back(piece);
+      if (begin_window(s.data, s.config, piece)) pieces.push_back(piece);
     }
   }
   return pieces;

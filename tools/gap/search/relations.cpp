@@ -19,6 +19,19 @@ bool covers(const EffectAt& rich, const EffectAt& simple, int depth = 3) {
   return false;
 }
 
+// A new value of an effect's only parameter is that effect once more (friction 0.1 -> 0.3 N m, and 0.2 N m of friction
+// beside the first).
+EffectAt as_new_effect(const EffectAt& e, const tiller_config_t& config) {
+  if (e.kind != kChangedParameter) return e;
+  std::uint32_t at = config.model->param_count;
+  for (std::uint32_t i = 0; i < config.effect_count && at <= e.port; ++i) {
+    const auto count = static_cast<std::uint32_t>(info_of(config.effects[i].kind).param_count);
+    if (at == e.port && count == 1) return {config.effects[i].kind, config.effects[i].port};
+    at += count;
+  }
+  return e;
+}
+
 bool lists(const EffectInfo& a, const char* name) {
   const auto is = [&](const char* n) { return n != nullptr && std::strcmp(n, name) == 0; };
   return std::any_of(std::begin(a.contains), std::end(a.contains), is) ||
@@ -36,10 +49,11 @@ bool same_set(const std::vector<EffectAt>& a, const std::vector<EffectAt>& b) {
 bool nested(const Candidate& simple, const Candidate& rich) {
   if (simple.hypothesis.freedom >= rich.hypothesis.freedom) return false;
   std::uint32_t taken = 0;
-  for (const EffectAt& e : simple.effects()) {
+  for (const EffectAt& changed_or_new : simple.effects()) {
+    const EffectAt e = as_new_effect(changed_or_new, simple.hypothesis.config);
     bool ok = false;
     for (std::size_t i = 0; i < rich.effects().size() && !ok; ++i)
-      if (!(taken >> i & 1u) && covers(rich.effects()[i], e)) {
+      if (!(taken >> i & 1u) && covers(as_new_effect(rich.effects()[i], rich.hypothesis.config), e)) {
         taken |= 1u << i;
         ok = true;
       }

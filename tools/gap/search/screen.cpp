@@ -19,6 +19,15 @@ bool has_pitch(const EffectInfo& info) {
   return info.param_count > 2 && info.params[info.param_count - 1].scale == Scale::spatial_period;
 }
 
+// The longest that a fit admits and its halves; of a joint that turns, the first orders.
+std::vector<double> periods_of(const Session& s, const EffectAt& e) {
+  const tiller_model_t& model = *s.config.model;
+  const double turn = turn_of(s.scales, model, e.kind, e.port);
+  if (turn > 0) return {turn, turn / 2, turn / 3};
+  const double longest = 0.95 * travel_of(s.scales, model, e.kind, e.port) / kLeastRepeats;
+  return {longest, longest / 2, longest / 4};
+}
+
 std::vector<std::vector<double>> all_starts(Session& s, const Candidate& base, const EffectAt& e) {
   return has_pitch(info_of(e.kind)) ? scan_spatial_periods(s, base, e, kPitchStarts) : starts_of(s, e);
 }
@@ -60,6 +69,7 @@ std::vector<std::vector<double>> starts_of(const Session& s, const EffectAt& e) 
     std::vector<double> values;
     for (int k = 0; k < std::max(1, param.start_count); ++k)
       values.push_back(std::clamp(start_of(s.scales, *s.config.model, e.kind, e.port, i, k), param.low, param.high));
+    if (is_spatial_period(param)) values = periods_of(s, e);
     if (info.paired_starts) {
       for (std::size_t k = 0; k < starts.size(); ++k) starts[k].push_back(values[std::min(k, values.size() - 1)]);
       continue;

@@ -43,6 +43,20 @@ bool has_pitch(const EffectInfo& info) {
   return info.param_count > 2 && info.params[info.param_count - 1].scale == Scale::spatial_period;
 }
 
+// Whether the robot file says that a drive train lies before the joint: the motor's orders are no whole ones of it.
+bool has_gear(const tiller_config_t& config, std::uint32_t joint) {
+  for (std::uint32_t e = 0; e < config.effect_count; ++e)
+    for (const std::uint32_t kind : {tiller_effect_joint_inertia, tiller_effect_elastic_joint, tiller_effect_backlash})
+      if (config.effects[e].kind == kind && config.effects[e].port == joint) return true;
+  return false;
+}
+
+std::vector<double> orders(double turn, double shortest, double longest) {
+  std::vector<double> frequency;
+  for (double n = std::ceil(turn / longest); n * shortest <= turn; n += 1) frequency.push_back(n / turn);
+  return frequency;
+}
+
 // Periods per unit of position that a scan compares.
 std::vector<double> frequencies(const Session& s, const EffectAt& effect) {
   const EffectInfo& info = effect_info(effect.kind);
@@ -51,11 +65,15 @@ std::vector<double> frequencies(const Session& s, const EffectAt& effect) {
   const double shortest =
       std::max({spatial_period.low > 0 ? spatial_period.low : 0.0, 3 * s.scales.joint[effect.port].step,
                 kSpatialPeriodNoise * sensor_sd(s, s.config.model->joints[effect.port].position)});
-  const double longest = std::min(spatial_period.high, 1.5 * range);
+  const double longest =
+      std::min(spatial_period.high, travel_of(s.scales, *s.config.model, effect.kind, effect.port) / kLeastRepeats);
   if (!(range > 0) || !(longest > shortest)) return {};
-  const double span = 1 / shortest - 1 / longest;
-  const std::size_t count =
-      std::clamp<std::size_t>(static_cast<std::size_t>(span * range / kPitchStep), 8, kMostPitches);
+  const double span = 1 / shortest - 1 / longest, due = span * range / kPitchStep;
+  const double turn = turn_of(s.scales, *s.config.model, effect.kind, effect.port);
+  const bool gear = has_gear(s.config, effect.port);
+  if (turn > 0 && !gear && due > static_cast<double>(kMostPitches)) return orders(turn, shortest, longest);
+  const std::size_t most = gear ? kMostGearPitches : kMostPitches;
+  const std::size_t count = std::clamp<std::size_t>(static_cast<std::size_t>(due), 8, most);
   std::vector<double> frequency(count);
   for (std::size_t i = 0; i < count; ++i)
     frequency[i] =

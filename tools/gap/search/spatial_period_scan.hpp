@@ -7,8 +7,9 @@ namespace tiller::tools::gap {
 /// Starts for an effect whose force is periodic in the joint's position (a parameter of Scale::spatial_period):
 /// amplitudes and spatial_period, best first (starts x params). The force goes through the system linearised along the
 /// base's path, its harmonics are fitted to what the base leaves, start states and parameters projected out, for
-/// spatial periods evenly in frequency, close enough that no period over the whole excursion is missed. What a fit from
-/// a handful of spatial periods would never find costs here about as much as one fit.
+/// spatial periods evenly in frequency, close enough that no period over the whole excursion is missed, from the
+/// longest that the excursion contains twice. Of a joint that turns on and on, periods are whole orders of a turn. What
+/// a fit from a handful of spatial periods would never find costs here about as much as one fit.
 std::vector<std::vector<double>> scan_spatial_periods(Session& session, const Candidate& base, const EffectAt& effect,
                                                       std::size_t starts);
 

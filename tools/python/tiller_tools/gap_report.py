@@ -252,6 +252,25 @@ def force_figure(force: dict) -> str:
                             "is spread over the time in which the sensors tell a force.")
 
 
+def order_figure(spectrum: dict) -> str:
+    """The residual force of a joint that turns, by whole orders of its revolution; peaks beyond chance have their order
+    beside them."""
+    amplitude, chance = _array(spectrum["amplitude"]), _array(spectrum["chance"])
+    order = np.arange(1, len(amplitude) + 1)
+    figure, ax = page.axes(f"{spectrum['joint']}: orders of a turn", f"amplitude, {spectrum['force']}",
+                           xlabel="periods in a turn", height=3.2)
+    ax.vlines(order, 0, amplitude, color=page.ESTIMATE, linewidth=1.6)
+    ax.plot(order, chance, color="#8b929a", linewidth=1.0, label="chance")
+    peaks = [n for n in np.argsort(-amplitude)[:6] if amplitude[n] > chance[n]]
+    for n in peaks:
+        ax.annotate(str(order[n]), (order[n], amplitude[n]), ha="center", va="bottom", fontsize=8, color=page.INK)
+    ax.margins(x=0.01, y=0.1)
+    ax.set_ylim(bottom=0)
+    page.legend(ax)
+    return page.svg(figure, "Of the residual force, phase-coherent over all logs. One of twenty spectra of chance "
+                            "reaches the grey line anywhere. Fast orders are flattened by the smoothing.")
+
+
 def null_figure(result: dict) -> str:
     """What the strongest map's statistic is when the residual's blocks change places and signs."""
     m = result["where"]["maps"][0]
@@ -292,6 +311,7 @@ def where_section(result: dict) -> str:
     else:
         parts.append(f"<p>{_esc(_no_region(maps))}</p>")
     figures = [force_figure(force) for force in result["where"]["forces"]]
+    figures += [order_figure(spectrum) for spectrum in result["where"]["orders"]]
     figures += [map_figure(result, 0), null_figure(result)] + [map_figure(result, i) for i in range(1, len(maps))]
     return "".join(parts) + page.grid(figures)
 
