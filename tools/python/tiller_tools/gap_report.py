@@ -252,6 +252,10 @@ def force_figure(force: dict) -> str:
                             "is spread over the time in which the sensors tell a force.")
 
 
+def beyond_chance(spectrum: dict) -> np.ndarray:
+    return _array(spectrum["amplitude"]) > _array(spectrum["chance"])
+
+
 def order_figure(spectrum: dict) -> str:
     """The residual force of a joint that turns, by whole orders of its revolution; peaks beyond chance have their order
     beside them."""
@@ -261,7 +265,8 @@ def order_figure(spectrum: dict) -> str:
                            xlabel="periods in a turn", height=3.2)
     ax.vlines(order, 0, amplitude, color=page.ESTIMATE, linewidth=1.6)
     ax.plot(order, chance, color="#8b929a", linewidth=1.0, label="chance")
-    peaks = [n for n in np.argsort(-amplitude)[:6] if amplitude[n] > chance[n]]
+    beyond = beyond_chance(spectrum)
+    peaks = [n for n in np.argsort(-amplitude)[:6] if beyond[n]]
     for n in peaks:
         ax.annotate(str(order[n]), (order[n], amplitude[n]), ha="center", va="bottom", fontsize=8, color=page.INK)
     ax.margins(x=0.01, y=0.1)
@@ -311,7 +316,7 @@ def where_section(result: dict) -> str:
     else:
         parts.append(f"<p>{_esc(_no_region(maps))}</p>")
     figures = [force_figure(force) for force in result["where"]["forces"]]
-    figures += [order_figure(spectrum) for spectrum in result["where"]["orders"]]
+    figures += [order_figure(spectrum) for spectrum in result["where"]["orders"] if beyond_chance(spectrum).any()]
     figures += [map_figure(result, 0), null_figure(result)] + [map_figure(result, i) for i in range(1, len(maps))]
     return "".join(parts) + page.grid(figures)
 
