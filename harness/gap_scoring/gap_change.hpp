@@ -43,8 +43,8 @@ struct ChangeRow {
   double was = 0, is = 0, found = 0, low = 0, high = 0;  ///< of the change: NaN where it was not found
   double frozen_sigma = 0, cpu_s = 0;
 };
-/// outcome: "named" (of "none": unchanged), "in_set" (the truth is among what cannot be told apart), "missed" (no change
-/// was told, or one without a name), "wrong" (a name without the truth), "no_pair".
+/// outcome: "named" (of "none": unchanged), "in_set" (the truth is among equals), "missed" (no change was reported, or
+/// one without a name), "wrong" (a name without the truth), "no_pair".
 ChangeRow run_change(const ChangeWanted& wanted);
 
 }  // namespace tiller::bench

@@ -6,8 +6,8 @@
 namespace tiller {
 
 /// An encoder whose disc or scale runs off its centre: the reading's error repeats with the position. The filters
-/// follow it by its slope where they are. While the slope of the whole, 1 + d error / d x, stays positive, each reading belongs
-/// to one position.
+/// follow it by its slope where they are. While the slope of the whole, 1 + d error / d x, stays positive, each reading
+/// belongs to one position.
 template <class S>
 struct EncoderEccentricity {
   static constexpr Hook hook = Hook::sensor;

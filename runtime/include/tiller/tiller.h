@@ -451,7 +451,7 @@ typedef enum tiller_network_kind {
  *
  *    tanh      for each member, for each layer, for each of its outputs: bias, a weight for each of its inputs
  *    gaussian  (inputs) inverse widths s; (hidden[0] x inputs) centres c; (hidden[1] x (1 + inputs)) phase and wave
- *              vector of each wave; then for each member, for each output: bias, a weight for each centre and each wave.
+ *              vector of each wave; then for each member, for each output: bias, a weight for each centre and wave.
  *              Features: exp(-1/2 sum_i (s_i (x_i - c_i))^2) and cos(phase + sum_i k_i x_i) */
 typedef struct tiller_network {
   uint32_t size;    /**< sizeof(tiller_network_t) */
