@@ -11,6 +11,7 @@
 #include "tools/gap/fit/rollout_error.hpp"
 #include "tools/identify/identify_method.hpp"
 #include "tools/logs/log_formats.hpp"
+#include "tools/logs/repeated_logs.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -28,13 +29,6 @@ bool read_logs(const RobotFile& robot, const std::vector<std::string>& paths, st
     logs.push_back(std::move(log));
   }
   return error.empty();
-}
-
-// A shared row count and times would make held-out errors flattering without anybody noticing.
-void warn_of_shared_logs(const IdentifyOptions& options, std::vector<std::string>& warnings) {
-  for (const std::string& path : options.hold_out)
-    for (const std::string& fitted : options.logs)
-      if (path == fitted) warnings.push_back(path + ": is both fitted and held out; its errors flatter the fit");
 }
 
 template <class Item, class Make>
@@ -56,6 +50,9 @@ bool load(const RobotFile& robot, const IdentifyOptions& options, Identified& re
   const bool fitted = read_logs(robot, options.logs, logs, result.logs, result.warnings, error);
   const bool held_out = read_logs(robot, options.hold_out, hold_out, result.hold_out, result.warnings, error);
   if (!fitted || !held_out) return false;
+  for (std::vector<Log>* part : {&logs, &hold_out})
+    for (std::string& text : drop_repeated(*part)) result.warnings.push_back(std::move(text));
+  for (std::string& text : shared_logs(logs, hold_out)) result.warnings.push_back(std::move(text));
   result.used = keep_telling_rows(logs, robot.config, options.most_steps);
   result.used_held_out = keep_telling_rows(hold_out, robot.config, options.most_steps, true);
   data.stretches = collect<Stretch>(logs, robot, make_stretches);
@@ -181,7 +178,6 @@ void append_adequacy(const Assessed& best, const RobotFile& robot, std::string& 
 }  // namespace
 
 bool identify(const RobotFile& robot, const IdentifyOptions& options, Identified& result, std::string& error) {
-  warn_of_shared_logs(options, result.warnings);
   Data data;
   if (!load(robot, options, result, data, error)) return false;
   for (Candidate& candidate : make_candidates(robot)) {

@@ -8,6 +8,7 @@
 
 #include "tools/base/text.hpp"
 #include "tools/logs/log_formats.hpp"
+#include "tools/logs/repeated_logs.hpp"
 #include "tools/logs/telling_rows.hpp"
 
 namespace tiller::tools::gap {
@@ -168,6 +169,8 @@ bool load_logs(const RobotFile& robot, const std::vector<std::string>& paths, st
       count_at_limit(log, log.map, robot.config, i, at_limit[i]);
     read.push_back(std::move(log));
   }
+  for (std::string& note : drop_repeated(read)) result.notes.push_back(std::move(note));
+  for (std::string& reason : shared_logs(logs, read)) result.reasons.push_back(std::move(reason));
   const UsedRows used = keep_telling_rows(read, robot.config, most_steps, evenly);
   if (!used.everything()) result.notes.push_back(used.text() + ".");
   for (Log& log : read) {
