@@ -15,7 +15,8 @@ import jax.numpy as jnp  # noqa: E402
 from tiller.labs.imitate.expansion import Expansion, side_by_side, windows_of  # noqa: E402
 from tiller.labs.imitate.game import multiplicative_weights, projection, total_variation  # noqa: E402
 from tiller.labs.imitate.process import FiniteProcess  # noqa: E402
-from tiller.labs.imitate.sweep import Periods, information, log_likelihood, sweep  # noqa: E402
+from tiller.labs.imitate.maxent import fit_weights  # noqa: E402
+from tiller.labs.imitate.sweep import Periods, information, log_likelihood, sweep, with_noise  # noqa: E402
 from tiller.labs.imitate.transport import dual, primal, sinkhorn  # noqa: E402
 
 
@@ -93,6 +94,55 @@ def test_pressing_harder_against_a_limit_is_no_evidence():
                        end_hessian=0 * e.end_hessian)
         values.append(float(value_of([e], np.zeros(4))))
     assert np.all(np.diff(values) >= 0) and values[-1] - values[-2] < 1e-6
+
+
+@pytest.mark.parametrize("side", [(), ((2, 0, 1), (4, 0, -1), (4, 1, 1))])
+def test_under_white_noise_inputs_are_normal_around_the_best_ones_and_the_scale_has_no_say(side):
+    e, precision = linear_motion(9, 0.2, side), np.array([4.0, 0.3])
+    values = []
+    for scale in (0.0, 5.0):
+        p = sweep(side_by_side([e]), jnp.exp(np.log([1.2, 0.4, 2.0, 0.7]) + scale), windows_of([e], 0, 1))
+        values.append(float(log_likelihood(with_noise(p, jnp.asarray(precision)))))
+    normal = (np.log(precision / (2 * np.pi)) - precision * np.asarray(p.wish)**2) / 2
+    if not side:
+        assert values[0] == pytest.approx(normal.sum(), abs=1e-9)
+    assert values[1] == pytest.approx(values[0], abs=1e-9)
+
+
+def test_noise_that_a_demonstrators_motors_have_is_no_evidence_of_the_weights():
+    """Two inputs, of which one is ten times as noisy as the other for reasons of its own."""
+    rng, true, sd = np.random.default_rng(3), np.array([1.0, 0.5, 2.0, 1.5]), np.array([0.01, 0.1])
+    f = np.array([[1.0, 0.1, 0.0, 0.0, 0.02], [0.0, 0.95, 0.1, 0.05, 0.0], [0.0, 0.0, 0.9, 0.1, 0.1]])
+    at, steps = (3, 4, 0, 1), 40
+
+    def expansion(z, end):
+        g, h = np.zeros((4, steps, 5)), np.zeros((4, steps, 5, 5))
+        end_g, end_h = np.zeros((4, steps + 1, 3)), np.zeros((4, steps + 1, 3, 3))
+        for group, i in enumerate(at):
+            g[group, :, i], h[group, :, i, i] = z[:, i], 1.0
+        for i in (0, 1):
+            end_g[2 + i, -1, i], end_h[2 + i, -1, i, i] = end[i], 1.0
+        return Expansion(*map(jnp.asarray, (np.tile(f, (steps, 1, 1)), np.zeros((steps, 3)), g, h, end_g, end_h,
+                                            np.zeros((steps, 2), int))))
+
+    still = expansion(np.zeros((steps, 5)), np.zeros(3))
+    gain = np.asarray(sweep(side_by_side([still]), jnp.asarray(true), windows_of([still], 0, 1)).gain[:, 0])
+    motions = []
+    for _ in range(6):
+        x, rows = rng.normal(size=3), []
+        for k in range(steps):
+            rows.append(np.concatenate([x, gain[k] @ x + sd * rng.normal(size=2)]))
+            x = f @ rows[-1]
+        motions.append(expansion(np.array(rows), x))
+    worst = {}
+    for noise in ("own", "entropy"):
+        fit = fit_weights(motions, ["b", "c", "d"], [1.0, 1.0, 1.0], noise=noise)
+        worst[noise] = max(abs(w.value / t - 1) for w, t in zip(fit.weights, true[1:], strict=True))
+        if noise == "own":
+            assert all(w.low < t < w.high for w, t in zip(fit.weights, true[1:], strict=True))
+            assert fit.noise_sd == pytest.approx(sd, rel=0.15)
+    print(worst)
+    assert worst["own"] < 0.15 and worst["entropy"] > 3 * worst["own"]
 
 
 # ---- games, processes, transport ----------------------------------------------------------------------

@@ -10,7 +10,7 @@ import numpy as np
 
 from .expansion import Array, Expansion, side_by_side, windows_of
 from .problem import ImitationError, Numbers
-from .sweep import Periods, information, log_likelihood, surprise, sweep
+from .sweep import Periods, information, log_likelihood, surprise, sweep, with_noise
 
 PRIOR_SD = 5.0      # of a weight's logarithm around the robot file's, and of a target in its unit
 NINETY = 1.6448536  # deviations of a central 90 %
@@ -53,7 +53,8 @@ class LearntTarget:
 class Fit:
     weights: list[Weight] = field(default_factory=list)
     targets: list[LearntTarget] = field(default_factory=list)
-    nats: float = np.nan  # what one unit of the kept cost is in nats
+    nats: float = np.nan  # what one unit of the kept cost is in nats, by the noise of the inputs
+    noise_sd: Numbers = field(default_factory=lambda: np.zeros(0))  # (nu) of the inputs around what the weights ask for
     log_likelihood: float = np.nan
     before: float = np.nan  # of the robot file's weights at their own best scale
     inputs: int = 0
@@ -67,22 +68,26 @@ class Fit:
 
 class Posterior:
     """Log posterior of theta: logarithms of the scale in nats and of the learnt weights relative to what is kept, then
-    the moves of targets in their units."""
+    the moves of targets in their units, then the logarithms of the inputs' precisions. Under noise `own` the scale has
+    no say, under `entropy` the precisions have none."""
 
     def __init__(self, motions: Sequence[Expansion], start: Numbers, targets: Sequence[Target], horizon: int,
-                 every: int) -> None:
+                 every: int, noise: str = "own") -> None:
         self.windows = windows_of(motions, horizon, every)
         self.motions = side_by_side(motions)
         self.targets = list(targets)
         acts = np.any([e.has_slope() for e in motions], 0)
         self.varies = acts[1:1 + len(start)]
         self.start = start
-        self.centre = np.concatenate([[0.0], np.log(start), np.zeros(len(self.targets))])
+        self.nu, self.own = motions[0].side.shape[-1], noise == "own"
+        self.centre = np.concatenate([[0.0], np.log(start), np.zeros(len(self.targets) + self.nu)])
         # a weight without a slope anywhere stays where it is
         sd = np.where(self.varies, PRIOR_SD, 1e-3)
-        self.precision = np.concatenate([[0.0], 1 / sd**2, np.full(len(self.targets), 1 / PRIOR_SD**2)])
+        self.precision = np.concatenate([[float(self.own)], 1 / sd**2, np.full(len(self.targets), 1 / PRIOR_SD**2),
+                                         np.full(self.nu, float(not self.own))])
         self.data = jax.jit(self._data)
         self._all = jax.jit(self._with_information)
+        self.policy = jax.jit(self._sweep)
 
     def coefficient(self, theta: Array) -> Array:
         """(groups) of the expansions, in nats."""
@@ -92,8 +97,21 @@ class Posterior:
                  for t, target in enumerate(self.targets) for of, kept in zip(target.of, target.kept, strict=True)]
         return jnp.concatenate([weight, jnp.array(moved)]) if moved else weight
 
-    def periods(self, theta: Array) -> Periods:
+    def _sweep(self, theta: Array) -> Periods:
         return sweep(self.motions, self.coefficient(theta), self.windows)
+
+    def periods(self, theta: Array) -> Periods:
+        p = self._sweep(theta)
+        return with_noise(p, jnp.exp(theta[-self.nu:])) if self.own else p
+
+    def left(self, theta: Numbers) -> tuple[Numbers, float]:
+        """(nu) deviations of the inputs around what the weights ask for; the scale in nats at which maximum entropy has
+        as much noise."""
+        p = self.policy(jnp.asarray(theta))
+        wish, free = np.asarray(p.wish), np.asarray(p.free)
+        squares, count = ((wish * free)**2).sum((0, 1)), free.sum((0, 1))
+        return (np.sqrt(np.maximum(squares, 1e-24) / np.maximum(count, 1)),
+                float(np.exp(theta[0]) * free.sum() / np.asarray(surprise(p)).sum()))
 
     def _data(self, theta: Array) -> Array:
         return log_likelihood(self.periods(theta))
@@ -122,7 +140,9 @@ class Posterior:
 
 
 def _start_scale(posterior: Posterior, theta: Numbers, inputs: int) -> Numbers:
-    """The scale that suits the motions' noise best: the slope along it is (n - squares) / 2."""
+    """The precisions, or the scale, that suit the motions' noise best. The slope along the scale is (n - squares) / 2."""
+    if posterior.own:
+        return np.concatenate([theta[:-posterior.nu], -2 * np.log(posterior.left(theta)[0])])
     slope = jax.jit(jax.grad(lambda s, t: posterior.data(t.at[0].set(s))))
     for _ in range(3):
         squares = inputs - 2 * float(slope(theta[0], jnp.asarray(theta)))
@@ -184,10 +204,12 @@ def _judge_motions(posterior: Posterior, theta: Numbers, fit: Fit) -> None:
 
 def fit_weights(motions: Sequence[Expansion], keys: Sequence[str], start: Sequence[float], horizon: int = 0,
                 every: int = 1, targets: Sequence[Target] = (), iterations: int = 100,
-                progress: Callable[[int, float], None] | None = None) -> Fit:
-    """Weights of the groups behind the first by maximum likelihood, with a wide Gaussian around `start`. Ends where a
-    step gains less than 1e-7 nats and 1e-9 of the value. Raises ImitationError."""
-    posterior = Posterior(motions, np.asarray(start, float), targets, horizon, every)
+                progress: Callable[[int, float], None] | None = None, noise: str = "own") -> Fit:
+    """Weights of the groups behind the first by maximum likelihood, with a wide Gaussian around `start`. `noise`: what
+    the inputs do around the optimum, `own`, white with a deviation of each input's own, or `entropy`, as the policy of
+    maximum entropy has it, which says something about the weights. Ends where a step gains less than 1e-7 nats and 1e-9
+    of the value. Raises ImitationError."""
+    posterior = Posterior(motions, np.asarray(start, float), targets, horizon, every, noise)
     theta, fit = posterior.centre.copy(), Fit()
     fit.inputs, fit.limited = posterior.counts(theta)
     if not np.isfinite(posterior.value(theta)):
@@ -212,7 +234,8 @@ def fit_weights(motions: Sequence[Expansion], keys: Sequence[str], start: Sequen
         if gained < 1e-7 + 1e-9 * abs(at):
             fit.converged = True
             break
-    fit.log_likelihood, fit.nats = float(posterior.data(jnp.asarray(theta))), float(np.exp(theta[0]))
+    fit.log_likelihood = float(posterior.data(jnp.asarray(theta)))
+    fit.noise_sd, fit.nats = posterior.left(theta)
     _, info = posterior.with_information(theta)
     _read(posterior, keys, theta, np.asarray(np.linalg.inv(info), np.float64), fit)
     _judge_motions(posterior, theta, fit)

@@ -122,6 +122,7 @@ def document(problem: Problem, o: Options, result: Imitated) -> dict[str, Any]:
                  "distance_before": r.distance_before, "distance_after": r.distance_after} for r in result.replayed]
     out = {"robot": problem.name, "method": o.method, "horizon": result.horizon, "every": result.every,
            "inputs": fit.inputs, "inputs_at_limits": fit.limited, "nats": fit.nats,
+           "input_noise_sd": dict(zip(problem.inputs, map(float, fit.noise_sd), strict=False)),
            "log_likelihood": fit.log_likelihood, "log_likelihood_before": fit.before, "converged": fit.converged,
            "kept": [{"key": key, "value": value} for key, value in result.kept.items()],
            "weights": [{"key": w.key, "file": w.file, "value": w.value, "interval_90": [w.low, w.high],

@@ -25,6 +25,8 @@ class Periods(NamedTuple):
     pressed: Array    # (.., nu) log probability that a limited input wants beyond its limit
     free: Array       # (.., nu)
     limited: Array    # (.., nu)
+    bend: Array       # (.., nu) curvature along a limited input, one for others
+    beyond: Array     # (.., nu) how far beyond its limit such an input is wanted, in deviations of maximum entropy
 
 
 def cholesky(a: Array) -> Array:
@@ -80,9 +82,22 @@ def _period(q1: Array, q2: Array, side: Array, n: int, planning: bool) -> Period
     slope = jnp.einsum("...ij,...i->...j", along, q1[..., n:] + _times(q2[..., n:, n:], wish))
     bend = jnp.einsum("...ij,...ik,...kj->...j", along, q2[..., n:, n:], along)
     limited = ~free & (side != GIVEN)
-    z = -side * slope / jnp.sqrt(jnp.where(limited, bend, 1.0))
-    pressed = jnp.where(limited, norm.logcdf(jnp.where(limited, z, 0.0)), 0.0)
-    return Periods(wish, gain, curvature, pressed, free, limited)
+    bend = jnp.where(limited, bend, 1.0)
+    beyond = jnp.where(limited, -side * slope / jnp.sqrt(bend), 0.0)
+    return Periods(wish, gain, curvature, _log_mass(beyond, limited), free, limited, bend, beyond)
+
+
+def _log_mass(beyond: Array, limited: Array) -> Array:
+    return jnp.where(limited, norm.logcdf(beyond), 0.0)
+
+
+def with_noise(p: Periods, precision: Array) -> Periods:
+    """The same policy under white noise of a precision (nu) of its own for each input, in the place of the noise that
+    maximum entropy asks of a cost."""
+    eye = jnp.eye(precision.shape[0])
+    both = p.free[..., :, None] & p.free[..., None, :]
+    own = jnp.where(both, eye * precision, eye)
+    return p._replace(curvature=own, pressed=_log_mass(p.beyond * jnp.sqrt(precision / p.bend), p.limited))
 
 
 def sweep(e: Expansion, coefficient: Array, windows: Windows, planning: bool = False) -> Periods:
