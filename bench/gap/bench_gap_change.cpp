@@ -2,8 +2,9 @@
 //
 //     bench_gap_change [--out FOLDER] [--first SEED] [--seeds N] [--plants a,b] [--kinds a,b] [--cases N] [--tables]
 //
-// A seed has a pair of every plant and change; noise and excitation go by seed, plant and change. Every pair adds a line
-// to FOLDER/changes.csv; pairs that stand there are not run again. Scoring seeds are 1 and up, tuning seeds 1000 and up.
+// A seed has a pair of every plant and change; noise and excitation go by seed, plant and change. Every pair adds a
+// line to FOLDER/changes.csv; pairs that stand there are not run again. Scoring seeds are 1 and up, tuning seeds 1000
+// and up.
 
 #include <CLI/CLI.hpp>
 

@@ -325,8 +325,8 @@ TEST(RobotFile, DocumentationOfEffectsIsTheCatalogue) {
   std::stringstream text;
   text << file.rdbuf();
   EXPECT_NE(text.str().find(effects_markdown()), std::string::npos)
-      << "docs/reference/effects.md is not what the catalogue says; paste the output of `tiller effects --markdown` below "
-         "its heading \"Every effect\"";
+      << "docs/reference/effects.md is not what the catalogue says; paste the output of `tiller effects --markdown` "
+         "below its heading \"Every effect\"";
 }
 
 TEST(RobotFile, DocumentationIsTheSchema) {

@@ -9,6 +9,7 @@ namespace {
 constexpr std::size_t kFewestRows = 10;      // fewer may agree without being copies
 constexpr std::size_t kFewestDifferent = 5;  // values of a column that moves: encoders at rest all read the same
 constexpr double kTenDigits = 2e-9;          // what rounding to %.10g leaves, with room
+constexpr double kStampRounding_s = 5e-6;    // what rounding to microseconds leaves of two differences, with room
 
 bool same(double a, double b) {
   if (std::isnan(a) || std::isnan(b)) return std::isnan(a) && std::isnan(b);
@@ -28,7 +29,8 @@ bool moves(const std::vector<double>& column) {
 // The row of `whole` may be measured in more columns than that of `part`, never in fewer.
 bool same_rows(const Log& part, const Log& whole, std::size_t at) {
   for (std::size_t i = 0; i < part.rows(); ++i) {
-    if (std::fabs((part.time_s[i] - part.time_s[0]) - (whole.time_s[at + i] - whole.time_s[at])) > 1e-6) return false;
+    const double since = part.time_s[i] - part.time_s[0], there = whole.time_s[at + i] - whole.time_s[at];
+    if (std::fabs(since - there) > kStampRounding_s) return false;
     for (std::size_t k = 0; k < part.state.size(); ++k)
       if (!part.state[k].empty() && (whole.state[k].empty() || !same(part.state[k][i], whole.state[k][at + i])))
         return false;
