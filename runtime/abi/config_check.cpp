@@ -28,14 +28,17 @@ Finding check_effects(const tiller_config_t& c) {
   static constexpr auto fields = element_names<TILLER_MAX_EFFECTS>("effects");
   if (c.effect_count > TILLER_MAX_EFFECTS) return {tiller_status_bad_dimension, "effect_count"};
   if (c.effect_count > 0 && c.effects == nullptr) return {tiller_status_null_argument, "effects"};
-  std::uint32_t params = c.model->param_count, states = 0;
+  std::uint32_t params = c.model->param_count, states = 0, effects = 0;
   for (std::uint32_t e = 0; e < c.effect_count; ++e) {
     if (c.effects[e].kind >= effect_kind_count()) return {tiller_status_bad_effect, fields[e]};
     const EffectInfo& info = effect_info(c.effects[e].kind);
     if (!port_fits(info, c.effects[e].port, *c.model)) return {tiller_status_bad_effect, fields[e]};
     params += static_cast<std::uint32_t>(info.param_count);
-    states += static_cast<std::uint32_t>(info.state_count);
+    const std::uint32_t ports = ports_of(info, c.effects[e].port, *c.model);
+    effects += ports;
+    states += ports * static_cast<std::uint32_t>(info.state_count);
   }
+  if (effects > TILLER_MAX_EFFECTS) return {tiller_status_bad_effect, "effect_count"};
   if (states > TILLER_MAX_EFFECT_STATES) return {tiller_status_bad_effect, "effect_count"};
   if (c.param_count != params || params > TILLER_MAX_PARAMS) return {tiller_status_bad_dimension, "param_count"};
   return kGood;

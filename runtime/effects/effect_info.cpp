@@ -12,6 +12,11 @@ constexpr EffectInfo kInfos[] = {
 #include "tiller/effects.def"
 #undef TILLER_EFFECT
 };
+constexpr Hook kHooks[] = {
+#define TILLER_EFFECT(name, Type, ...) Type<double>::hook,
+#include "tiller/effects.def"
+#undef TILLER_EFFECT
+};
 constexpr const char* kLike[] = {
 #define TILLER_EFFECT(name, Type, roles, like) like,
 #include "tiller/effects.def"
@@ -30,6 +35,7 @@ bool lists(const char* list, const char* name) {
 }  // namespace
 
 const EffectInfo& effect_info(std::uint32_t kind) { return kInfos[kind]; }
+Hook hook_of(std::uint32_t kind) { return kind < kCount ? kHooks[kind] : Hook::sensor; }
 std::uint32_t effect_kind_count() { return kCount; }
 int find_effect(const char* name) {
   for (std::uint32_t kind = 0; kind < kCount; ++kind)
@@ -54,6 +60,7 @@ std::uint32_t port_count(PortKind port, const tiller_model_t& model) {
   }
 }
 const char* port_name(PortKind port, const tiller_model_t& model, std::uint32_t index) {
+  if (index == TILLER_EVERY_PORT) return "all";
   switch (port) {
     case PortKind::joint: return model.joints[index].name;
     case PortKind::input: return model.input_names[index];
@@ -71,6 +78,7 @@ bool is_quaternion_state(const tiller_model_t& model, std::uint32_t state) {
 }  // namespace
 
 bool port_fits(const EffectInfo& info, std::uint32_t port, const tiller_model_t& model) {
+  if (port == TILLER_EVERY_PORT) return ports_of(info, port, model) > 1;
   if (port >= port_count(info.port, model)) return false;
   if (info.port == PortKind::joint) {
     const tiller_joint_t& joint = model.joints[port];
@@ -84,6 +92,18 @@ bool port_fits(const EffectInfo& info, std::uint32_t port, const tiller_model_t&
     return false;
   }
   return true;
+}
+
+std::uint32_t ports_of(const EffectInfo& info, std::uint32_t port, const tiller_model_t& model) {
+  std::uint32_t count = 0;
+  for_ports(info, port, model, [&](std::uint32_t) { ++count; });
+  return count;
+}
+
+std::uint32_t first_port(const EffectInfo& info, std::uint32_t port, const tiller_model_t& model) {
+  std::uint32_t first = TILLER_EVERY_PORT;
+  for_ports(info, port, model, [&](std::uint32_t p) { first = p < first ? p : first; });
+  return first;
 }
 
 }  // namespace tiller

@@ -24,6 +24,7 @@ enum class Hook {
   force,         ///< generalised force that enters the dynamics as it stands
   joints,        ///< the same at every joint, from all joints and inputs
   inertia,       ///< after the free step, first: more inertia
+  servo,         ///< after the free step, which has no part of the command then: makes the drive force of it
   drive,         ///< after the free step: what the drive train makes of the drive force
   elastic,       ///< after the free step: generalised force by position, implicit
   dissipation,   ///< after the free step, last: generalised force by velocity, implicit
@@ -87,14 +88,28 @@ struct EffectInfo {
 
 /// Metadata of a kind (tiller_effect_kind_t); kind < effect_kind_count().
 const EffectInfo& effect_info(std::uint32_t kind);
+/// Where the kernel calls it; Hook::sensor, which the kernel does not, for a kind that there is not.
+Hook hook_of(std::uint32_t kind);
 /// Kind by name; -1 if there is none.
 int find_effect(const char* name);
 std::uint32_t effect_kind_count();
 /// Number of ports that an effect of this kind can have on the model.
 std::uint32_t port_count(PortKind port, const tiller_model_t& model);
-/// Its name: of the joint, the input or the state; "body".
+/// Its name: of the joint, the input or the state; "body"; "all" for TILLER_EVERY_PORT.
 const char* port_name(PortKind port, const tiller_model_t& model, std::uint32_t index);
-/// Whether the effect can stand at the port: the joint has what it needs.
+/// Whether the effect can stand at the port: the joint has what it needs. At TILLER_EVERY_PORT, if there are two.
 bool port_fits(const EffectInfo& info, std::uint32_t port, const tiller_model_t& model);
+/// Calls visit(p) for the ports at which an effect with this one acts, in their order.
+template <class Visit>
+void for_ports(const EffectInfo& info, std::uint32_t port, const tiller_model_t& model, const Visit& visit) {
+  const bool every = port == TILLER_EVERY_PORT;
+  const std::uint32_t end = every ? port_count(info.port, model) : port + 1;
+  for (std::uint32_t p = every ? 0 : port; p < end; ++p)
+    if (!every || port_fits(info, p, model)) visit(p);
+}
+/// The first of them.
+std::uint32_t first_port(const EffectInfo& info, std::uint32_t port, const tiller_model_t& model);
+/// How many they are.
+std::uint32_t ports_of(const EffectInfo& info, std::uint32_t port, const tiller_model_t& model);
 
 }  // namespace tiller

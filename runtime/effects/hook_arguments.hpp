@@ -1,5 +1,7 @@
 #pragma once
 
+#include "tiller/scalar.hpp"
+
 namespace tiller {
 
 /// Arguments of an input effect in a substep.

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "effects/effect_info.hpp"
+#include "tiller/scalar.hpp"
 
 namespace tiller {
 

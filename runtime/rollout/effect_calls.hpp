@@ -1,12 +1,18 @@
 #pragma once
 
-// How the stepper calls an effect. Those that say `inlined` are compiled into the kernel's loops; all others stand in
-// one function per hook's arguments and scalar type, so that a kernel's compile time does not grow with the catalogue.
+// How the stepper calls an effect. Those of TILLER_INLINED_EFFECTS are compiled into the kernel's loops; all others stand
+// in one function per hook's arguments and scalar type (effect_texts.hpp), so that neither a kernel's compile time nor
+// what a change of one effect compiles anew grows with the catalogue.
 
 #include <type_traits>
 
-#include "effects/catalogue.hpp"
-#include "networks/evaluate.hpp"
+#include "effects/actuator_lag.hpp"
+#include "effects/constant_offset.hpp"
+#include "effects/coulomb_friction.hpp"
+#include "effects/effect_info.hpp"
+#include "effects/hook_arguments.hpp"
+#include "effects/input_delay.hpp"
+#include "effects/viscous_friction.hpp"
 #include "scalar/inline.hpp"
 #include "tiller/model.hpp"
 
@@ -15,29 +21,13 @@ namespace tiller {
 /// Hooks that the stepper calls; a sensor's is none of them.
 constexpr int kHooks = static_cast<int>(Hook::body) + 1;
 
-/// Where the kernel calls an effect.
-TILLER_INLINE Hook hook_of(std::uint32_t kind) {
-  switch (kind) {
-#define TILLER_EFFECT(name, Type, ...) \
-  case tiller_effect_##name:           \
-    return Type<double>::hook;
-#include "tiller/effects.def"
-#undef TILLER_EFFECT
-    default: return Hook::sensor;  // no effect: nobody calls it
-  }
-}
-
-/// How many states of its own an effect has.
-TILLER_INLINE int state_count_of(std::uint32_t kind) {
-  switch (kind) {
-#define TILLER_EFFECT(name, Type, ...) \
-  case tiller_effect_##name:           \
-    return static_cast<int>(Type<double>::info.state_count);
-#include "tiller/effects.def"
-#undef TILLER_EFFECT
-    default: return 0;
-  }
-}
+/// The effects that say `inlined`: effect_texts.hpp checks that they all stand here.
+#define TILLER_INLINED_EFFECTS(X)      \
+  X(viscous_friction, ViscousFriction) \
+  X(coulomb_friction, CoulombFriction) \
+  X(constant_offset, ConstantOffset)   \
+  X(actuator_lag, ActuatorLag)         \
+  X(input_delay, InputDelay)
 
 /// Whether the kernel's loops have the effect's text in them: where it says so and the scalar carries no derivatives,
 /// whose arithmetic is long.
@@ -67,58 +57,17 @@ TILLER_INLINE L joint_force(const JointStep<L>& in, L* state, const L* p) {
     return Effect::force(in, p);
 }
 
-/// Force of any effect of the hooks force, drive, elastic and dissipation that is not inlined.
+/// Force of any effect of the hooks force, servo, drive, elastic and dissipation that is not inlined.
 template <class L>
-__attribute__((noinline)) L called_force(std::uint32_t kind, const JointStep<L>& in, L* state, const L* p) {
-  switch (kind) {
-#define TILLER_EFFECT(name, Type, ...)                                                                               \
-  case tiller_effect_##name:                                                                                         \
-    if constexpr (!InlinedEffect<Type<L>, L>::value &&                                                               \
-                  (Type<L>::hook == Hook::force || Type<L>::hook == Hook::drive || Type<L>::hook == Hook::elastic || \
-                   Type<L>::hook == Hook::dissipation))                                                              \
-      return joint_force<Type<L>>(in, state, p);                                                                     \
-    break;
-#include "tiller/effects.def"
-#undef TILLER_EFFECT
-    default: break;
-  }
-  return L(0.0);
-}
-
+L called_force(std::uint32_t kind, const JointStep<L>& in, L* state, const L* p);
 /// The force after an input effect that is not inlined.
 template <class L>
-__attribute__((noinline)) L called_input(std::uint32_t kind, const InputStep<L>& in, L* state, const L* p) {
-  switch (kind) {
-#define TILLER_EFFECT(name, Type, ...)                                               \
-  case tiller_effect_##name:                                                         \
-    if constexpr (!InlinedEffect<Type<L>, L>::value && Type<L>::hook == Hook::input) \
-      return Type<L>::apply(in, state, p);                                           \
-    break;
-#include "tiller/effects.def"
-#undef TILLER_EFFECT
-    default: break;
-  }
-  return in.command;
-}
-
+L called_input(std::uint32_t kind, const InputStep<L>& in, L* state, const L* p);
 template <class L>
-__attribute__((noinline)) void called_body(std::uint32_t kind, Body<L>& body, const L* p) {
-  switch (kind) {
-#define TILLER_EFFECT(name, Type, ...)                                   \
-  case tiller_effect_##name:                                             \
-    if constexpr (Type<L>::hook == Hook::body) Type<L>::change(body, p); \
-    break;
-#include "tiller/effects.def"
-#undef TILLER_EFFECT
-    default: break;
-  }
-}
-
-/// Forces of a network, in one function per scalar type: no model makes it longer.
+void called_body(std::uint32_t kind, Body<L>& body, const L* p);
+/// Forces of a network.
 template <class L>
-__attribute__((noinline)) void called_network(const tiller_network_t& network, const L& member, const L* in, L* out) {
-  evaluate_network(network, member, in, out);
-}
+void called_network(const tiller_network_t& network, const L& member, const L* in, L* out);
 
 /// Type: an effect's, or Called.
 template <class Type, class S>
@@ -130,3 +79,7 @@ TILLER_INLINE S call_force(std::uint32_t kind, const JointStep<S>& in, S* state,
 }
 
 }  // namespace tiller
+
+#ifndef TILLER_EFFECTS_ARE_SHARED
+#include "rollout/effect_texts.hpp"
+#endif

@@ -1,7 +1,11 @@
 #pragma once
 
-// A model's table with the kernel of the one instruction set that this source is compiled for.
+// A model's table with the kernel of the one instruction set that this source is compiled for. It links the library's
+// effects (shared_effects.hpp).
 
+#ifndef TILLER_EFFECTS_ARE_SHARED
+#define TILLER_EFFECTS_ARE_SHARED
+#endif
 #include "rollout/kernel.hpp"
 #include "rollout/model_table.hpp"
 

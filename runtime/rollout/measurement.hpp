@@ -35,7 +35,8 @@ inline MeasurementMap measurement_map(const tiller_config_t& config, std::uint32
   for (std::uint32_t e = 0; e < config.effect_count; ++e) {
     const tiller_effect_t& effect = config.effects[e];
     const EffectInfo& info = effect_info(effect.kind);
-    if (info.port == PortKind::sensor && effect.port == state) {
+    if (info.port == PortKind::sensor &&
+        (effect.port == state || (effect.port == TILLER_EVERY_PORT && port_fits(info, state, *config.model)))) {
       double own[kMaxEffectParams] = {};
       for (int i = 0; i < info.param_count; ++i) own[i] = params[(row + static_cast<std::size_t>(i)) * stride];
       switch (effect.kind) {

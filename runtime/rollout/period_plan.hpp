@@ -7,7 +7,6 @@
 #include <type_traits>
 #include <utility>
 
-#include "effects/catalogue.hpp"
 #include "rollout/effect_calls.hpp"
 #include "rollout/rollout.hpp"
 #include "tiller/model.hpp"

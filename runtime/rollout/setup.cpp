@@ -51,17 +51,25 @@ tiller_status_t make_step_setup(const tiller_config_t& config, StepSetup& setup)
   for (std::uint32_t j = 0; j < model.joint_count; ++j)
     if (is_angle(model, j)) setup.network_angles |= 1u << j;
   std::uint32_t param = model.param_count, state = 0;
-  int lags = 0, learnt = 0;
+  std::uint32_t lags = 0, learnt = 0;
   for (std::uint32_t e = 0; e < config.effect_count; ++e) {
     const tiller_effect_t& effect = config.effects[e];
     if (effect.kind >= effect_kind_count()) return tiller_status_bad_effect;
     const EffectInfo& info = effect_info(effect.kind);
     if (!port_fits(info, effect.port, model)) return tiller_status_bad_effect;
     if (info.learnt && (++learnt > 1 || !network_fits(config, effect.kind))) return tiller_status_bad_effect;
-    setup.effects[e] = {static_cast<std::uint16_t>(effect.kind), static_cast<std::uint16_t>(effect.port),
-                        static_cast<std::uint16_t>(param), static_cast<std::uint16_t>(state)};
     if (param + static_cast<std::uint32_t>(info.param_count) > TILLER_MAX_PARAMS) return tiller_status_bad_effect;
-    if (has_role(effect.kind, kLag) && ++lags > most_lags(static_cast<int>(model.input_count)))
+    const std::uint32_t ports = ports_of(info, effect.port, model);
+    const std::uint32_t states = state + ports * static_cast<std::uint32_t>(info.state_count);
+    if (setup.effect_count + ports > TILLER_MAX_EFFECTS || states > TILLER_MAX_EFFECT_STATES)
+      return tiller_status_bad_effect;
+    for_ports(info, effect.port, model, [&](std::uint32_t port) {
+      setup.effects[setup.effect_count++] = {static_cast<std::uint16_t>(effect.kind), static_cast<std::uint16_t>(port),
+                                             static_cast<std::uint16_t>(param), static_cast<std::uint16_t>(state)};
+      state += static_cast<std::uint32_t>(info.state_count);
+    });
+    if (has_role(effect.kind, kLag)) lags += ports;
+    if (lags > static_cast<std::uint32_t>(most_lags(static_cast<int>(model.input_count))))
       return tiller_status_bad_effect;
     if (has_role(effect.kind, kDelay)) {
       const tiller_prior_t& prior = config.priors[param];
@@ -71,10 +79,7 @@ tiller_status_t make_step_setup(const tiller_config_t& config, StepSetup& setup)
       if (rows > setup.delay_steps) setup.delay_steps = rows;
     }
     param += static_cast<std::uint32_t>(info.param_count);
-    state += static_cast<std::uint32_t>(info.state_count);
-    if (state > TILLER_MAX_EFFECT_STATES) return tiller_status_bad_effect;
   }
-  setup.effect_count = config.effect_count;
   setup.effect_state_count = state;
   return param == config.param_count ? tiller_status_ok : tiller_status_bad_dimension;
 }

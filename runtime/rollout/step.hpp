@@ -8,14 +8,15 @@
 //      a. input effects (lag) advance and give the acting input
 //      b. force effects add to the generalised forces, then what was learnt of all joints together
 //      c. the integrator takes the free step, and quaternions come back to unit length
-//      d. effects act on the free step's velocities, implicitly, one after the other: more inertia, the drive train,
-//         what is elastic, what dissipates; where several joints dissipate, sweep after sweep until they agree
+//      d. effects act on the free step's velocities, implicitly, one after the other: more inertia, servos, the drive
+//         train, what is elastic, what dissipates; where several joints dissipate, sweep after sweep until they agree
 //   3. slips that a planner expects
 // The forces of d. are split off because they are stiff: solved for the velocity at the end of the step it is stable
 // at any step and can stop a joint exactly. The splitting is second order in the substep where the force is smooth.
 // Dissipation comes last, so that a joint can stick against all the rest.
 
-#include "effects/catalogue.hpp"
+#include "effects/joint_inertia.hpp"
+#include "effects/position_servo.hpp"
 #include "rollout/effect_calls.hpp"
 #include "rollout/model_adapter.hpp"
 #include "rollout/period_plan.hpp"
@@ -65,29 +66,36 @@ struct Stepper {
   std::uint8_t lags = 0;
   std::uint32_t reacting = 0;                 // bit j: something acts at joint j after the free step
   std::uint32_t dissipating = 0;              // bit j: something that is swept acts there
+  bool serving = false;                       // some command is a goal
   std::uint8_t swept_as[TILLER_MAX_EFFECTS];  // of what acts after the free step: its place among what is swept
-  static constexpr std::uint8_t kNotSwept = 255;
-  static constexpr int kMostSwept = 2 * Model::kMostForces;  // bounds the stack; further ones act once
+  static constexpr std::uint8_t kNotSwept = 255, kServes = 254;  // kServes: nor that, and it makes the drive force
+  static constexpr int kMostSwept = 2 * Model::kMostForces;      // bounds the stack; further ones act once
   int swept = 0;
   State* moved = nullptr;  // read only with kTracks
 
   Stepper(const Model& m, const StepSetup& s, const Time& period_s)
       : model(m), setup(s), body(Body<S>::from(s.body)), substep_s(period_s / s.substeps) {
+    Hook hooks[TILLER_MAX_EFFECTS];
+    for (std::uint32_t e = 0; e < s.effect_count; ++e) hooks[e] = hook_of(s.effects[e].kind);
     for (int hook = 0; hook < kHooks; ++hook)
       for (std::uint32_t e = 0; e < s.effect_count; ++e)
-        if (static_cast<int>(hook_of(s.effects[e].kind)) == hook) take(static_cast<Hook>(hook), s.effects[e]);
+        if (static_cast<int>(hooks[e]) == hook) take(static_cast<Hook>(hook), s.effects[e]);
   }
   /// Hooks in their order: what acts after the free step is one list, but for the inertia.
   void take(Hook hook, EffectSlot slot) {
-    if (hook == Hook::drive) slot.port = driven_joint(slot.port);
+    if (hook == Hook::servo || hook == Hook::drive) slot.port = driven_joint(slot.port);
     if (hook >= Hook::inertia && hook <= Hook::dissipation) reacting |= 1u << slot.port;
     if (hook == Hook::input && slot.kind == tiller_effect_actuator_lag)
       lag_of[slot_count[static_cast<int>(hook)]] = lags++;
-    const int list = static_cast<int>(hook == Hook::drive || hook == Hook::elastic ? Hook::dissipation : hook);
+    const int list = static_cast<int>(hook > Hook::inertia && hook < Hook::dissipation ? Hook::dissipation : hook);
     if (list == static_cast<int>(Hook::dissipation)) {
-      const bool again = hook == Hook::dissipation && state_count_of(slot.kind) == 0 && swept < kMostSwept;
+      const bool again = hook == Hook::dissipation && effect_info(slot.kind).state_count == 0 && swept < kMostSwept;
       swept_as[slot_count[list]] = again ? static_cast<std::uint8_t>(swept++) : kNotSwept;
       if (again) dissipating |= 1u << slot.port;
+      if (hook == Hook::servo) {
+        swept_as[slot_count[list]] = kServes;
+        serving = true;
+      }
     }
     slots[list][slot_count[list]++] = slot;
   }
@@ -176,15 +184,15 @@ struct Stepper {
       const EffectSlot& slot = slots[kList][e];
       bool called = true;
       switch (slot.kind) {
-#define TILLER_EFFECT(name, Type, ...)                                          \
+#define TILLER_INLINED_CASE(name, Type)                                         \
   case tiller_effect_##name:                                                    \
     if constexpr (Type<S>::hook == kHook && InlinedEffect<Type<S>, S>::value) { \
       visit(Type<S>{}, slot);                                                   \
       called = false;                                                           \
     }                                                                           \
     break;
-#include "tiller/effects.def"
-#undef TILLER_EFFECT
+        TILLER_INLINED_EFFECTS(TILLER_INLINED_CASE)
+#undef TILLER_INLINED_CASE
         default: break;
       }
       if (called) visit(Called{}, slot);
@@ -309,6 +317,21 @@ struct Stepper {
         if (model.drive(j) == static_cast<int>(i) + 1) drive = u[i];
       });
       return drive;
+    }
+  }
+  template <class J>
+  TILLER_INLINE void set_drive_force(Input& u, J j, const S& force) const {
+    at_port(inputs(), model.drive(j) - 1, [&](auto i) TILLER_INLINED { element(u, i) = force; });
+  }
+  /// Takes goals out of the commands: their forces are not known yet.
+  __attribute__((noinline)) void take_goals(Input& u, Input& goals, const Parameters<Model, S>& p) const {
+    goals = u;
+    constexpr int kList = static_cast<int>(Hook::dissipation);
+    for (std::uint32_t e = 0; e < slot_count[kList]; ++e) {
+      if (swept_as[e] != kServes) continue;
+      at_port(model.joints(), slots[kList][e].port, [&](auto j) TILLER_INLINED {
+        set_drive_force(u, j, PositionServo<S>::free_command(drive_force(u, j), effect_params(p, slots[kList][e])));
+      });
     }
   }
   /// Inputs as effects go through them: as the joints.
@@ -485,17 +508,18 @@ struct Stepper {
   static constexpr int kSweeps = 5;
   static constexpr double kRelaxation = 1.35;
 
-  /// Drive train, elastic and dissipating effects, in this order.
+  /// Servos, drive train, elastic and dissipating effects, in this order.
   template <int kCount, int kSets>
-  TILLER_INLINE void react(State* begin, Trajectory<Model, S>* t, const Input* u, const Response* response,
-                           const Parameters<Model, S>* p, const PartOfAll<Model, S>& part) const {
+  TILLER_INLINE void react(State* begin, Trajectory<Model, S>* t, Input* u, const Input* goals,
+                           const Response* response, const Parameters<Model, S>* p,
+                           const PartOfAll<Model, S>& part) const {
     const int sweeps = (dissipating & (dissipating - 1)) != 0 ? kSweeps : 1;  // two joints or more
     S pushes[kCount][kMostSwept];                                             // of the sweeps so far
     for (int sweep = 0; sweep < sweeps; ++sweep) {
       const S relaxation = S(sweep == 0 || sweep == sweeps - 1 ? 1.0 : kRelaxation);
       for_effects<Hook::dissipation>([&](auto effect, const EffectSlot& slot) TILLER_INLINED {
         const std::uint8_t e = swept_as[&slot - slots[static_cast<int>(Hook::dissipation)]];
-        if (sweep > 0 && e == kNotSwept) return;
+        if (sweep > 0 && e >= kServes) return;
         at_port(model.joints(), slot.port, [&](auto j) TILLER_INLINED {
           for (int r = 0; r < kCount; ++r) {
             const Length<S>& step = part[r].step;
@@ -510,12 +534,13 @@ struct Stepper {
             in.velocity = model.template velocity<S>(begin[r], j);
             in.free = model.template velocity<S>(t[r].x, j);
             in.gain = h * column[j];
-            in.drive = drive_force(u[r], j);
+            in.drive = drive_force(e == kServes ? goals[r] : u[r], j);
             in.dt_s = h;
             if (sweep > 0) in.free = in.free - in.gain * pushes[r][e];
             S push = call_force<decltype(effect), S>(slot.kind, in, t[r].effect_state + slot.state,
                                                      effect_params(p[kSets == 1 ? 0 : r], slot));
-            if (sweeps > 1 && e != kNotSwept) {
+            if (e == kServes) set_drive_force(u[r], j, drive_force(u[r], j) + push);
+            if (sweeps > 1 && e < kServes) {
               const S before = sweep > 0 ? pushes[r][e] : S(0.0);
               push = relaxation * (push - before);
               pushes[r][e] = before + push;
@@ -566,12 +591,14 @@ struct Stepper {
     State begin[kCount];
     for (int r = 0; r < kCount; ++r) f[r] = no_force();
     run_stage([&]() TILLER_INLINED { act<kCount, kSets>(t, u, f, p, part); });
+    Input goals[kCount];
+    for (int r = 0; serving && r < kCount; ++r) take_goals(u[r], goals[r], p[kSets == 1 ? 0 : r]);
     free(begin, u, f);
     if (reacting == 0) return;
     Response response[kCount];
     run_stage([&]() TILLER_INLINED { respond<kCount, kSets>(response, begin, t, u, f, p, bodies); });
     run_stage([&]() TILLER_INLINED { weigh_down<kCount, kSets>(begin, t, response, p, part); });
-    run_stage([&]() TILLER_INLINED { react<kCount, kSets>(begin, t, u, response, p, part); });
+    run_stage([&]() TILLER_INLINED { react<kCount, kSets>(begin, t, u, goals, response, p, part); });
   }
   template <int kCount, int kSets>
   TILLER_INLINE void substep_all(Trajectory<Model, S>* t, Input* u, const Parameters<Model, S>* p,

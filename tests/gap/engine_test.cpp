@@ -77,6 +77,29 @@ TEST(Engine, NamesADelayBelowAPeriod) {
   EXPECT_LT(r.remaining_sigma, 1.05);
 }
 
+// A bus that is late for both motors of an arm is one number; one motor's delay is that motor's.
+TEST(Engine, NamesACommonDelayAsOne) {
+  Synthetic s;
+  s.model = tiller_find_model("two_link_arm");
+  s.params = {1.0, 0.8, 0.5, 0.4, 0.25, 0.2, 0.0208333, 0.0106667};
+  s.noise_sd = 5e-4;
+  s.amplitude = 0.35;  // no link turns over
+  s.delay_s = 0.018;
+  const auto name = [](const EffectAt& e) {
+    return std::string(effect_info(e.kind).name) + "@" + (e.port == TILLER_EVERY_PORT ? "all" : std::to_string(e.port));
+  };
+  const Result common = run(s, 100015);
+  EXPECT_EQ(common.verdict, Verdict::named);
+  ASSERT_EQ(common.ranking.front().effects.size(), 1u);
+  EXPECT_EQ(name(common.ranking.front().effects[0]), "input_delay@all");
+  EXPECT_NEAR(common.ranking.front().params.back().mean, 0.018, 0.0005);
+  s.delayed = 2;
+  const Result one = run(s, 100016);
+  EXPECT_EQ(one.verdict, Verdict::named);
+  ASSERT_EQ(one.ranking.front().effects.size(), 1u);
+  EXPECT_EQ(name(one.ranking.front().effects[0]), "input_delay@1");
+}
+
 // Bristles that remember: their deflection at a window's start is that of the motion before it.
 TEST(Engine, NamesBristles) {
   struct {

@@ -27,6 +27,7 @@ struct Synthetic {
   std::function<double(double q, double v, double u, double t)> force;  // at `joint`; empty: none
   std::function<double(double u)> actuator;                             // empty: as commanded
   double delay_s = 0;
+  std::uint32_t delayed = ~0u;  // the inputs that are, bit by bit
   double payload_kg = 0;
   bool continuous = false;  // the input moves within a period: what a log has is its value at the row
 };
@@ -79,13 +80,18 @@ inline Grid simulate(const Synthetic& s, std::uint64_t seed) {
   if (std::string(model.name) == "cart_pole") x[1] = 3.14159;  // hangs
   const int fine = static_cast<int>(std::lround(s.period_s / 0.0005));
   const double h = s.period_s / fine;
-  const auto command = [&](double t) {
-    return s.mean + s.amplitude * multisine(s.continuous ? t : std::floor(t / s.period_s + 1e-9) * s.period_s, seed);
+  const auto command = [&](std::uint32_t input, double t) {
+    const double at = s.continuous ? t : std::floor(t / s.period_s + 1e-9) * s.period_s;
+    return s.mean + s.amplitude * multisine(at, seed + 7919 * std::uint64_t{input});
   };
   const tiller_joint_t& joint = model.joints[s.joint];
   const auto slope = [&](const std::vector<double>& at, double t, std::vector<double>& dx) {
-    const double commanded = t < s.delay_s ? 0.0 : command(t - s.delay_s);
-    double u[TILLER_MAX_INPUTS] = {s.actuator ? s.actuator(commanded) : commanded}, f[TILLER_MAX_JOINTS] = {};
+    double u[TILLER_MAX_INPUTS] = {}, f[TILLER_MAX_JOINTS] = {};
+    for (std::uint32_t i = 0; i < model.input_count; ++i) {
+      const double late = s.delayed >> i & 1u ? s.delay_s : 0.0;
+      const double commanded = t < late ? 0.0 : command(i, t - late);
+      u[i] = s.actuator ? s.actuator(commanded) : commanded;
+    }
     if (s.force) f[joint.force] = s.force(at[joint.position], at[joint.velocity], u[0], t);
     model.dynamics(at.data(), u, f, &body, s.params.data(), dx.data());
   };
@@ -99,7 +105,7 @@ inline Grid simulate(const Synthetic& s, std::uint64_t seed) {
       grid.state[i].push_back(rate && !s.rates ? NAN : value);
     }
     const double start = static_cast<double>(p) * s.period_s;
-    for (auto& input : grid.input) input.push_back(command(start));
+    for (std::uint32_t i = 0; i < model.input_count; ++i) grid.input[i].push_back(command(i, start));
     for (int n = 0; n < fine; ++n) {
       const double t = start + n * h + 1e-7;  // the command of this period, not of the one before
       slope(x, t, k1);

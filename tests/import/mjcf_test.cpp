@@ -129,6 +129,7 @@ TEST(Mjcf, WhatActsAtAJointIsTaken) {
   expect_in(file, "pan_rad = 0.5");
   const std::string notes = told(machine());
   expect_in(file, "# - position servo lifter: the law is not read");
+  expect_in(told(machine()), "kind = \"position_servo\", stiffness_SI = 50, damping_SI = 0, limit_SI = 9");
   for (const char* part : {"free thing toy: ", "position servo lifter: ", "geared motors drive (40), jaw (3): ",
                            "puller (tendon cord): ", "tendon cord: "})
     expect_in(notes, part);

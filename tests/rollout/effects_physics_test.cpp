@@ -395,6 +395,74 @@ TEST(ElasticJoint, RotorAndJointSwingAgainstEachOther) {
             Rotor::rate(r.run({stiffness, 0.0, 0.1}, 1.0, torque, 50), 50));
 }
 
+// A damped oscillator about the goal: q - u = A e^(-c t) (cos w t + c / w sin w t).
+TEST(PositionServo, SwingsIntoItsGoalAndIsStableAtAnyStep) {
+  const double stiffness = 12.0, damping = 0.8, goal = 1.1, start = 0.3;
+  const double c = 0.5 * damping / Rotor::kInertia, w = std::sqrt(stiffness / Rotor::kInertia - c * c);
+  for (tiller_integrator_t integrator : {tiller_integrator_semi_implicit_euler, tiller_integrator_midpoint}) {
+    Rotor r;
+    r.config.integrator = integrator;
+    r.config.substeps = 10;
+    add_effect(r.config, tiller_effect_position_servo, 0);
+    const auto b = r.run({stiffness, damping, 0.0}, 0.0, goal, 50);
+    for (std::uint32_t step : {5u, 15u, 50u}) {
+      const double t = 0.02 * step;
+      const double want = goal + (start - goal) * std::exp(-c * t) * (std::cos(w * t) + c / w * std::sin(w * t));
+      // (w h)^2 / 12 of phase a swing; the first-order rule is half a step late besides
+      EXPECT_NEAR(Rotor::angle(b, step), want, integrator == tiller_integrator_midpoint ? 2e-5 : 5e-3) << step;
+    }
+    for (double hard : {1e2, 1e5}) {  // 200 radians a period
+      const auto stiff = r.run({hard, 0.0, 0.0}, 0.0, goal, 500);
+      for (std::uint32_t step = 1; step <= 500; ++step)
+        ASSERT_LE(std::abs(Rotor::angle(stiff, step) - goal), 1.6) << hard << " " << step;
+    }
+  }
+}
+
+TEST(PositionServo, PushesNoHarderThanItsLimitAndRubsByIt) {
+  Rotor r;
+  r.config.integrator = tiller_integrator_midpoint;
+  add_effect(r.config, tiller_effect_position_servo, 0);
+  // a goal that is never reached: the limit all the time
+  EXPECT_NEAR(Rotor::rate(r.run({1e3, 0.0, 0.8}, 0.0, 50.0, 50), 50), 0.8 / Rotor::kInertia, 1e-12);
+  EXPECT_NEAR(Rotor::rate(r.run({1e3, 0.0, 0.8}, 0.0, -50.0, 50), 50), -0.8 / Rotor::kInertia, 1e-12);
+  // what goes with the drive force goes with the servo's, whatever the number of the goal is
+  add_effect(r.config, tiller_effect_load_friction, 0);
+  EXPECT_NEAR(Rotor::rate(r.run({1e3, 0.0, 0.8, 0.3}, 0.0, 50.0, 50), 50), 0.7 * 0.8 / Rotor::kInertia, 1e-12);
+  // and what is behind a spring is turned by it: both end at the goal
+  Rotor elastic;
+  elastic.config.substeps = 10;
+  add_effect(elastic.config, tiller_effect_elastic_joint, 0);
+  add_effect(elastic.config, tiller_effect_position_servo, 0);
+  EXPECT_NEAR(Rotor::angle(elastic.run({300.0, 0.01, 0.5, 12.0, 4.0, 0.0}, 0.0, 1.1, 400), 400), 1.1, 1e-3);
+}
+
+/// Servos at both joints of the level arm, against fine steps.
+TEST(PositionServo, OfCoupledJointsGoesWhereFineStepsGo) {
+  const auto run = [](std::uint32_t substeps) {
+    tiller::Config config = plain_config(tiller_find_model("two_link_arm"));
+    config.period_s = 0.01;
+    config.substeps = substeps;
+    config.integrator = tiller_integrator_midpoint;
+    for (std::uint32_t joint = 0; joint < 2; ++joint) add_effect(config, tiller_effect_position_servo, joint);
+    Batch<double> b(config, 16, 20);
+    const double arm[] = {2.0, 2.3, 0.3, 0.25, 0.15, 0.16, 0.05, 0.03, 40.0, 2.0, 0.0, 15.0, 0.6, 3.0};
+    for (std::uint32_t i = 0; i < 14; ++i) b.set_param(i, arm[i]);
+    b.run(*config.model, select_rollout(*config.model));
+    return b;
+  };
+  const auto fine = run(256);
+  const auto error_of = [&](std::uint32_t substeps) {
+    const auto coarse = run(substeps);
+    double square = 0.0;
+    for (std::uint32_t i = 0; i < 4 * 16; ++i) square += std::pow(coarse.final_state[i] - fine.final_state[i], 2);
+    return std::sqrt(square / 64);
+  };
+  // goals that jump by radians each period; the joints' servos act one after the other, which is of the first order
+  EXPECT_LT(error_of(32), 0.6 * error_of(16));
+  EXPECT_LT(error_of(4), 0.05 * 15.0);  // of speeds about 15 rad/s
+}
+
 TEST(Cogging, KeepsTheEnergyOfItsPotential) {
   Rotor r;
   add_effect(r.config, tiller_effect_cogging, 0);

@@ -160,6 +160,37 @@ TEST_P(EveryEffect, TemplateAndTableAgree) {
   }
 }
 
+/// One parameter for all inputs: the same bits as an effect at each with that value.
+TEST(Setup, AnEffectAtEveryPortIsOneAtEach) {
+  const tiller_model_t& m = *tiller_find_model("two_link_arm");
+  for (const std::uint32_t kind : {tiller_effect_input_delay, tiller_effect_actuator_lag, tiller_effect_dead_zone}) {
+    tiller::Config common = plain_config(&m), each = plain_config(&m);
+    add_effect(common, kind, TILLER_EVERY_PORT);
+    for (std::uint32_t input = 0; input < 2; ++input) add_effect(each, kind, input);
+    Batch<double> a(common, 16, 20), b(each, 16, 20), off(common, 16, 20);
+    ASSERT_EQ(a.setup.effect_count, 2u);
+    ASSERT_EQ(a.setup.effect_state_count, b.setup.effect_state_count);
+    a.set_param(m.param_count, 0.03);
+    for (std::uint32_t input = 0; input < 2; ++input) b.set_param(m.param_count + input, 0.03);
+    off.set_param(m.param_count, 0.0);
+    for (Batch<double>* batch : {&a, &b, &off}) batch->run(m, select_rollout(m));
+    EXPECT_EQ(a.final_state, b.final_state) << effect_info(kind).name;
+    EXPECT_NE(a.final_state, off.final_state) << effect_info(kind).name;
+  }
+  // not where there is one port alone, nor where so many states or slots are too many
+  StepSetup setup;
+  tiller::Config config = plain_config(tiller_find_model("pendulum"));
+  add_effect(config, tiller_effect_actuator_gain, TILLER_EVERY_PORT);
+  EXPECT_EQ(make_step_setup(config, setup), tiller_status_bad_effect);
+  config = plain_config(&m);
+  for (int i = 0; i < 3; ++i) add_effect(config, tiller_effect_backlash, TILLER_EVERY_PORT);  // 3 states each
+  EXPECT_EQ(make_step_setup(config, setup), tiller_status_bad_effect);
+  config = plain_config(&m);
+  for (int i = 0; i < TILLER_MAX_EFFECTS / 2 + 1; ++i)
+    add_effect(config, tiller_effect_actuator_gain, TILLER_EVERY_PORT);
+  EXPECT_EQ(make_step_setup(config, setup), tiller_status_bad_effect);
+}
+
 TEST(Setup, RefusesWhatTheModelLacks) {
   const tiller_model_t& m = *tiller_find_model("pendulum");
   StepSetup setup;

@@ -1,6 +1,7 @@
 // Compiled once per instruction set: the cart-pole with a cost template beside it, the same formula as the C functions
 // of cost_cases.hpp.
 
+#define TILLER_EFFECTS_ARE_SHARED
 #include "models/cart_pole.hpp"
 #include "rollout/kernel.hpp"
 

@@ -218,6 +218,10 @@ class CompiledReader {
         if (a.at("control_limited").get<bool>()) force = std::min(force, gain * largest(a.at("control_range")));
         if (gear * gain != 1.0) geared.push_back(name + " (" + number_text(gear * gain) + ")");
         if (pushes_one_way(a)) one_way.push_back(name);
+      } else if (kind == "position servo" && a.at("bias_values").at(1).get<double>() == -gain) {
+        leave_out("position servo " + name +
+                  ": the law is not read: the input is the joint's force. It is the goal with " +
+                  servo_effect(a, gear, gain, force));
       } else {
         kinds[kind].push_back(name);
       }
@@ -250,6 +254,14 @@ class CompiledReader {
     return false;
   }
 
+  /// The effect that has the law of a position servo: force = gain (ctrl - gear q) - bias gear v, gear times at the joint.
+  static std::string servo_effect(const Json& a, double gear, double gain, double force) {
+    const double damping = -gear * gear * a.at("bias_values").at(2).get<double>();
+    return "[[effects]] kind = \"position_servo\", stiffness_SI = " + number_text(gear * gear * gain) +
+           ", damping_SI = " + number_text(damping) +
+           (std::isfinite(force) ? ", limit_SI = " + number_text(gear * force) : "") +
+           (gear != 1.0 ? ", of MuJoCo's ctrl over " + number_text(gear) : "");
+  }
   static std::string kind_of(const Json& a) {
     const std::string gain = text(a, "gain"), bias = text(a, "bias");
     if (a.at("plugin").get<bool>()) return "plugin";

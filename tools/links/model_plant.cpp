@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "effects/effect_info.hpp"
 #include "rollout/measurement.hpp"
@@ -36,11 +37,30 @@ Words param_names(const EffectInfo& info) {
   return names;
 }
 
-int port_index(const RobotFile& robot, const EffectInfo& info, const std::string& port) {
+std::optional<std::uint32_t> find_port(const RobotFile& robot, const EffectInfo& info, const std::string& port) {
   if (port.empty() && (info.port == PortKind::input || info.port == PortKind::body)) return 0;
   for (std::uint32_t i = 0; i < port_count(info.port, *robot.config.model); ++i)
-    if (port == port_name(info.port, *robot.config.model, i)) return static_cast<int>(i);
-  return -1;
+    if (port == port_name(info.port, *robot.config.model, i)) return i;
+  if (port == "all" && port_fits(info, TILLER_EVERY_PORT, *robot.config.model)) return TILLER_EVERY_PORT;
+  return std::nullopt;
+}
+
+/// What the plant has beside the model: the effects of [sim], and of the robot file's own the servos that [sim] says
+/// nothing of, at the centre of their priors, because without them a command would be a force.
+std::vector<SimEffect> effects_of(const RobotFile& robot) {
+  std::vector<SimEffect> effects = robot.sim.effects;
+  std::uint32_t row = robot.config.model->param_count;
+  for (std::uint32_t e = 0; e < robot.config.effect_count; ++e) {
+    const tiller_effect_t& own = robot.config.effects[e];
+    const EffectInfo& info = effect_info(own.kind);
+    SimEffect servo{info.name, port_name(info.port, *robot.config.model, own.port), {}};
+    for (const std::string& name : param_names(info)) servo.parameters[name] = centre(robot.config.priors[row++]);
+    const bool given = std::any_of(effects.begin(), effects.end(), [&](const SimEffect& s) {
+      return s.kind == servo.kind && (s.port == servo.port || s.port.empty());
+    });
+    if (hook_of(own.kind) == Hook::servo && !given) effects.push_back(servo);
+  }
+  return effects;
 }
 
 }  // namespace
@@ -70,15 +90,15 @@ bool ModelPlant::set_parameters(const RobotFile& robot, std::string& error) {
 bool ModelPlant::set_effects(const RobotFile& robot, std::string& error) {
   config_.effect_count = 0;
   std::uint32_t row = robot.config.model->param_count;
-  for (const SimEffect& effect : robot.sim.effects) {
+  for (const SimEffect& effect : effects_of(robot)) {
     const int kind = find_effect(effect.kind.c_str());
     if (kind < 0) {
       error = where(robot) + "there is no effect '" + effect.kind + "'; `tiller effects` lists them";
       return false;
     }
     const EffectInfo& info = effect_info(static_cast<std::uint32_t>(kind));
-    const int port = port_index(robot, info, effect.port);
-    if (port < 0) {
+    const auto port = find_port(robot, info, effect.port);
+    if (!port) {
       error = where(robot) + effect.kind + ": the model has no port '" + effect.port +
               "'; write the name of one of its " + port_kind_name(info.port) + "s";
       return false;
@@ -87,7 +107,7 @@ bool ModelPlant::set_effects(const RobotFile& robot, std::string& error) {
       error = where(robot) + "more than " + std::to_string(TILLER_MAX_EFFECTS) + " effects";
       return false;
     }
-    config_.effects[config_.effect_count++] = {static_cast<std::uint32_t>(kind), static_cast<std::uint32_t>(port)};
+    config_.effects[config_.effect_count++] = {static_cast<std::uint32_t>(kind), *port};
     for (const std::string& name : param_names(info)) {
       const auto value = effect.parameters.find(name);
       if (value == effect.parameters.end() || row == TILLER_MAX_PARAMS) {

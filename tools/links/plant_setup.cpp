@@ -38,6 +38,23 @@ sim::HiddenEffect hidden_effect(const RobotFile& robot, const tiller_effect_t& e
   return hidden;
 }
 
+/// An effect at "all" ports as one at each.
+void part_at_ports(const tiller_model_t& model, std::vector<sim::HiddenEffect>& effects) {
+  std::vector<sim::HiddenEffect> parted;
+  for (const sim::HiddenEffect& e : effects) {
+    const int kind = e.port == "all" ? find_effect(e.kind.c_str()) : -1;
+    if (kind < 0) {
+      parted.push_back(e);
+      continue;
+    }
+    const EffectInfo& info = effect_info(static_cast<std::uint32_t>(kind));
+    for_ports(info, TILLER_EVERY_PORT, model, [&](std::uint32_t port) {
+      parted.push_back({e.kind, port_name(info.port, model, port), e.parameters});
+    });
+  }
+  effects = std::move(parted);
+}
+
 /// Every parameter is drawn in order, fixed ones too, so that fixing one leaves the others' draws as they were.
 std::vector<double> draw_all(const RobotFile& robot) {
   std::mt19937_64 generator(0x7469'6c6c'6572'0000ull + robot.sim.seed);
@@ -81,6 +98,7 @@ sim::PlantOptions plant_options(const RobotFile& robot, const sim::MechanismInfo
     else
       options.effects.push_back({effect.kind, effect.port, effect.parameters});
   }
+  part_at_ports(*robot.config.model, options.effects);
   for (std::size_t i = 0; i < robot.names.states.size(); ++i) {
     for (const sim::Channel& state : info.states) {
       if (state.name == robot.names.states[i]) options.initial_state[state.name] = robot.config.initial_state[i];
@@ -134,7 +152,7 @@ bool connect(const RobotFile& robot, SimPlant& made, std::string& error) {
 
 double true_effect(const sim::PlantOptions& options, const sim::HiddenEffect& asked, const std::string& parameter) {
   for (const sim::HiddenEffect& effect : options.effects) {
-    if (effect.kind != asked.kind || effect.port != asked.port) continue;
+    if (effect.kind != asked.kind || (effect.port != asked.port && asked.port != "all")) continue;
     const auto value = effect.parameters.find(parameter);
     if (value != effect.parameters.end()) return value->second;
   }

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "effects/effect_info.hpp"
 #include "tools/robot/robot_sections.hpp"
@@ -99,9 +100,15 @@ std::string range_text(double low, double high) {
   return std::isfinite(low) ? "at least " + number_text(low) : "at most " + number_text(high);
 }
 
-int find_port_index(const tiller_model_t& model, PortKind kind, const std::string& name, Words& known) {
-  for (std::uint32_t i = 0; i < port_count(kind, model); ++i) known.emplace_back(port_name(kind, model, i));
-  return index_of(known, name);
+/// The port of that name, or "all" of them; nothing where there is none. known: the names.
+std::optional<std::uint32_t> find_port(const tiller_model_t& model, const EffectInfo& info, const std::string& name,
+                                       Words& known) {
+  for (std::uint32_t i = 0; i < port_count(info.port, model); ++i) known.emplace_back(port_name(info.port, model, i));
+  const int index = index_of(known, name);
+  if (port_fits(info, TILLER_EVERY_PORT, model)) known.emplace_back("all");
+  if (index >= 0) return static_cast<std::uint32_t>(index);
+  if (name == known.back()) return TILLER_EVERY_PORT;
+  return std::nullopt;
 }
 
 void read_effect_params(SectionReader& section, const EffectInfo& info, const std::string& port, RobotFile& robot) {
@@ -132,7 +139,7 @@ void read_effect(FileErrors& errors, const toml::table& table, std::size_t index
   if (!kind) return;
   const EffectInfo& info = effect_info(*kind);
   Words known;
-  const int port_index = find_port_index(*robot.config.model, info.port, port.value_or(""), known);
+  const auto place = find_port(*robot.config.model, info, port.value_or(""), known);
   const std::string what = port_kind_name(info.port);
   if (info.port == PortKind::joint && robot.config.model->joint_count == 0) {
     section.error("kind",
@@ -144,10 +151,10 @@ void read_effect(FileErrors& errors, const toml::table& table, std::size_t index
   if (!section.has("port")) {
     if (info.port != PortKind::body)
       section.missing("port", "write port = one of the model's " + what + "s: " + join(known));
-  } else if (port && port_index < 0) {
+  } else if (port && !place) {
     section.error("port", std::string(robot.config.model->name) + " has no " + what + " of that name for " + info.name,
                   remedy_for_unknown(*port, known));
-  } else if (port && !port_fits(info, static_cast<std::uint32_t>(port_index), *robot.config.model)) {
+  } else if (port && !port_fits(info, *place, *robot.config.model)) {
     section.error("port",
                   *port + std::string(" has no ") + (info.needs_position ? "position" : "drive") + ", which " +
                       info.name + " needs",
@@ -160,7 +167,7 @@ void read_effect(FileErrors& errors, const toml::table& table, std::size_t index
   }
   tiller_effect_t& effect = robot.config.effects[robot.config.effect_count++];
   effect.kind = *kind;
-  effect.port = static_cast<std::uint32_t>(port_index < 0 ? 0 : port_index);
+  effect.port = place.value_or(0);
   read_effect_params(section, info, port.value_or(info.port == PortKind::body ? "body" : "?"), robot);
 }
 

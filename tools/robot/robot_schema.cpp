@@ -124,7 +124,8 @@ const std::vector<KeySpec> kOthers = {
 
     {"effects[]", "kind", K::choice, "", kRequired, 0, 0, false, hand, effect_names, "which effect"},
     {"effects[]", "port", K::text, "", kRequired, 0, 0, false, hand, nullptr,
-     "name of the joint, the input or the measured state on which it acts, by the kind; of the body: none"},
+     "name of the joint, the input or the measured state on which it acts, by the kind; of the body: none. all: each of "
+     "them, with the same parameters"},
 
     {"measurement.*", "sd", K::number, "SI", kRequired, kLeastScale, kScale, false, hand, nullptr,
      "standard deviation of the sensor, quantisation (step / sqrt 12) included"},

@@ -16,6 +16,7 @@ bool turns(PortKind kind, std::uint32_t port, const tiller_model_t& model) {
 
 std::string unit_of_effect(const EffectInfo& info, int param, std::uint32_t port, const tiller_model_t& model) {
   std::string unit = info.params[param].unit;
+  port = first_port(info, port, model);
   if (info.port == PortKind::sensor && unit == "as the state") return unit_of_field(model.state_names[port]);
   const std::size_t at = unit.find(" or ");
   if (at == std::string::npos || info.port == PortKind::body) return unit;
@@ -33,6 +34,17 @@ Words parameter_units(const tiller_config_t& config, const Words& names) {
   }
   units.resize(names.size());
   return units;
+}
+
+bool is_goal(const tiller_config_t& config, std::uint32_t input) {
+  bool goal = false;
+  for (std::uint32_t e = 0; e < config.effect_count; ++e) {
+    const tiller_effect_t& effect = config.effects[e];
+    if (hook_of(effect.kind) != Hook::servo) continue;
+    for_ports(effect_info(effect.kind), effect.port, *config.model,
+              [&](std::uint32_t port) { goal = goal || port == input; });
+  }
+  return goal;
 }
 
 double least_of_unit(const std::string& name) {

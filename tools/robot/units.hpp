@@ -15,6 +15,9 @@ std::string unit_of_effect(const EffectInfo& info, int param, std::uint32_t port
 /// Of every parameter of the configuration (param_count), called `names`: the model's, then each effect's.
 Words parameter_units(const tiller_config_t& config, const Words& names);
 
+/// Whether an effect makes the input a goal of its joint's position: then it is no force.
+bool is_goal(const tiller_config_t& config, std::uint32_t input);
+
 /// Physical bounds of a parameter of the model, by its name: masses, inertias and lengths are not negative.
 double least_of_unit(const std::string& name);
 

@@ -103,11 +103,14 @@ typedef enum tiller_effect_kind {
   tiller_effect_kind_count
 } tiller_effect_kind_t;
 
+#define TILLER_EVERY_PORT 0xFFFFFFFFu /**< of an effect: all ports that it fits, with the same parameters */
+
 /** An effect at a port of the model. Its parameters follow the model's in `priors`, in the order in
  *  which the effects stand here. */
 typedef struct tiller_effect {
   uint32_t kind; /**< tiller_effect_kind_t */
-  uint32_t port; /**< index, by the effect: of the joint, the input, or the state that a sensor measures; 0: body */
+  uint32_t port; /**< index, by the effect: of the joint, the input, or the state that a sensor measures; 0: body; or
+                  *   TILLER_EVERY_PORT, which counts as many effects and states as there are ports */
 } tiller_effect_t;
 
 typedef enum tiller_integrator {

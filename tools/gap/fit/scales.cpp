@@ -7,6 +7,7 @@
 #include "rollout/rollout.hpp"
 #include "tiller/config.hpp"
 #include "tools/gap/result/thresholds.hpp"
+#include "tools/robot/units.hpp"
 
 namespace tiller::tools::gap {
 namespace {
@@ -79,6 +80,7 @@ double positive(double v, double otherwise) { return std::isfinite(v) && v > 0 ?
 std::uint32_t joint_of(const tiller_model_t& model, std::uint32_t kind, std::uint32_t port) {
   if (kind == kChangedParameter) return model.joint_count;
   const PortKind at = effect_info(kind).port;
+  port = first_port(effect_info(kind), port, model);
   if (at == PortKind::joint) return port;
   for (std::uint32_t j = 0; j < model.joint_count; ++j) {
     if (at == PortKind::input && model.joints[j].drive == port + 1) return j;
@@ -123,7 +125,8 @@ Scales measure_scales(const WindowData& data, const std::vector<Window>& windows
     Scales::Joint& out = s.joint[j];
     out.inertia = inertia_at(config, j, windows, params, s.period_s);
     out.force = positive(out.inertia * acceleration[j].rms(), 1e-3);
-    if (joint.drive != 0) out.force = std::max(out.force, s.input[joint.drive - 1]);
+    if (joint.drive != 0 && !is_goal(config, joint.drive - 1u))
+      out.force = std::max(out.force, s.input[joint.drive - 1]);
     out.velocity = positive(state[joint.velocity].rms(), 1e-3);
     if (joint.position != TILLER_NO_POSITION) {
       out.position = positive(state[joint.position].deviation(), 1e-3);
@@ -180,6 +183,7 @@ double turn_of(const Scales& s, const tiller_model_t& model, std::uint32_t kind,
 
 double scale_of(const Scales& s, const tiller_model_t& model, std::uint32_t kind, std::uint32_t port, int param) {
   const EffectInfo& info = effect_info(kind);
+  port = first_port(info, port, model);
   const std::uint32_t j = joint_of(model, kind, port);
   const Scales::Joint joint = j < model.joint_count ? s.joint[j] : Scales::Joint{};
   const double position = info.port == PortKind::sensor ? s.channel[port] : joint.position;

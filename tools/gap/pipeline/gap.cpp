@@ -20,6 +20,7 @@
 #include "tools/gap/search/confirm.hpp"
 #include "tools/gap/search/memory.hpp"
 #include "tools/gap/search/search.hpp"
+#include "tools/robot/units.hpp"
 
 namespace tiller::tools::gap {
 namespace {
@@ -35,11 +36,29 @@ bool is_measured(const tiller_config_t& config, std::uint32_t state) {
 // False for an effect of a drive whose command does not change in any log.
 bool is_driven(const tiller_model_t& model, const EffectInfo& info, std::uint32_t port,
                const std::vector<bool>& moves) {
+  if (port == TILLER_EVERY_PORT) {
+    bool all = true;
+    for_ports(info, port, model, [&](std::uint32_t p) { all = all && is_driven(model, info, p, moves); });
+    return all;
+  }
   if (info.port == PortKind::input) return moves[port];
   return info.port != PortKind::joint || !info.needs_drive || moves[model.joints[port].drive - 1u];
 }
 
-// Everything of the catalogue at every port that it fits and that the robot file does not have there.
+// Where an effect of one kind is looked for: at every port that it fits, and at all inputs at once, as of one bus, one
+// supply or one drive's firmware, if its parameters mean the same at all of them.
+std::vector<std::uint32_t> places_of(const tiller_model_t& model, const EffectInfo& info) {
+  std::vector<std::uint32_t> places;
+  for_ports(info, TILLER_EVERY_PORT, model, [&](std::uint32_t port) { places.push_back(port); });
+  bool alike = info.port == PortKind::input && places.size() > 1;
+  for (int i = 0; i < info.param_count; ++i)
+    for (const std::uint32_t port : places)
+      alike = alike && unit_of_effect(info, i, port, model) == unit_of_effect(info, i, places[0], model);
+  if (alike) places.push_back(TILLER_EVERY_PORT);
+  return places;
+}
+
+// Everything of the catalogue at every place that it fits and that the robot file does not have there.
 std::vector<EffectAt> candidates_of(const tiller_config_t& config, const Options& options,
                                     const std::vector<bool>& moves) {
   if (!options.given.empty()) return options.given;
@@ -50,8 +69,7 @@ std::vector<EffectAt> candidates_of(const tiller_config_t& config, const Options
     if (info.unnamed) continue;  // what is offered when nothing has a name
     if (!options.only.empty() && std::find(options.only.begin(), options.only.end(), info.name) == options.only.end())
       continue;
-    for (std::uint32_t port = 0; port < port_count(info.port, *config.model); ++port) {
-      if (!port_fits(info, port, *config.model)) continue;
+    for (const std::uint32_t port : places_of(*config.model, info)) {
       if (info.port == PortKind::sensor && !is_measured(config, port)) continue;
       if (!is_driven(*config.model, info, port, moves)) continue;
       const EffectAt e{kind, port};

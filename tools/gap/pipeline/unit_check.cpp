@@ -9,6 +9,7 @@
 #include "tools/gap/fit/hypothesis.hpp"
 #include "tools/gap/localise/residual_force.hpp"
 #include "tools/gap/result/thresholds.hpp"
+#include "tools/robot/units.hpp"
 #include "tools/smooth/forced_step.hpp"
 
 namespace tiller::tools::gap {
@@ -52,6 +53,7 @@ std::vector<Suspect> suspects_of(const tiller_config_t& config) {
     }
   }
   for (std::uint32_t i = 0; i < model.input_count; ++i) {
+    if (is_goal(config, i)) continue;
     const std::string name = model.input_names[i];
     all.push_back({name, "", "reversed in sign", -1, TILLER_MAX_JOINTS, i});
     all.push_back(
@@ -128,7 +130,8 @@ std::vector<JointForces> forces_by_differences(const tiller_config_t& config, co
     for (std::uint32_t j = 0; j < nf; ++j) {
       all[j].missing[k] = missing(j);
       all[j].measured[k] = measured(j);
-      if (model.joints[j].drive != 0) all[j].input[k] = grid.input[model.joints[j].drive - 1u][k];
+      const std::uint32_t drive = model.joints[j].drive;
+      if (drive != 0) all[j].input[k] = is_goal(config, drive - 1u) ? 0.0 : grid.input[drive - 1u][k];
     }
   }
   return all;

@@ -51,13 +51,21 @@ bool nested(const Candidate& simple, const Candidate& rich) {
   std::uint32_t taken = 0;
   for (const EffectAt& changed_or_new : simple.effects()) {
     const EffectAt e = as_new_effect(changed_or_new, simple.hypothesis.config);
-    bool ok = false;
-    for (std::size_t i = 0; i < rich.effects().size() && !ok; ++i)
-      if (!(taken >> i & 1u) && covers(as_new_effect(rich.effects()[i], rich.hypothesis.config), e)) {
-        taken |= 1u << i;
-        ok = true;
-      }
-    if (!ok) return false;
+    const auto take = [&](const EffectAt& one) {
+      for (std::size_t i = 0; i < rich.effects().size(); ++i)
+        if (!(taken >> i & 1u) && covers(as_new_effect(rich.effects()[i], rich.hypothesis.config), one)) {
+          taken |= 1u << i;
+          return true;
+        }
+      return false;
+    };
+    if (take(e)) continue;
+    if (e.port != TILLER_EVERY_PORT) return false;
+    bool each = true;  // one parameter for all ports is a case of one for each
+    for_ports(info_of(e.kind), e.port, *rich.hypothesis.config.model, [&](std::uint32_t port) {
+      each = each && take({e.kind, port});
+    });
+    if (!each) return false;
   }
   return true;
 }
@@ -85,8 +93,10 @@ bool other_mechanism(const Candidate& simple, const Candidate& rich, const tille
 bool may_be_taken_for(const EffectAt& a, const EffectAt& b, const tiller_model_t& model) {
   if (a == b || a.kind == kChangedParameter || b.kind == kChangedParameter) return false;
   const EffectInfo &x = info_of(a.kind), &y = info_of(b.kind);
+  const bool common = a.port == TILLER_EVERY_PORT || b.port == TILLER_EVERY_PORT;
+  if (a.kind == b.kind) return common;
   if (!lists(x, y.name) && !lists(y, x.name) && !are_alike(a.kind, b.kind)) return false;
-  return joint_of(model, a.kind, a.port) == joint_of(model, b.kind, b.port);
+  return common || joint_of(model, a.kind, a.port) == joint_of(model, b.kind, b.port);
 }
 
 }  // namespace tiller::tools::gap

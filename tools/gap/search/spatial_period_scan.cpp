@@ -6,7 +6,6 @@
 #include <cmath>
 
 #include "effects/effect_info.hpp"
-#include "rollout/effect_calls.hpp"
 #include "tools/gap/result/thresholds.hpp"
 
 namespace tiller::tools::gap {

@@ -2,6 +2,7 @@
 
     python -m tiller_tools.convert emps FOLDER OUT [--pulses]
     python -m tiller_tools.convert xl330 FOLDER OUT
+    python -m tiller_tools.convert sts3250 FOLDER OUT
     python -m tiller_tools.convert tx40 FOLDER OUT
 
 emps: DATA_EMPS.mat (with --pulses DATA_EMPS_PULSES.mat instead) of the Electro-Mechanical Positioning System, A. Janot,
@@ -13,6 +14,9 @@ O. Ly, "Extended friction models for the physics simulation of servo actuators",
 by its gain and trajectory: time_s, angle_rad, rate_rad_s (the servo's own estimate, filtered), duty, volts, torque_Nm =
 duty x volts x the servo's torque per volt at standstill by its data sheet (NM_PER_VOLT), goal_rad. Rows in which the
 servo was switched off are left out: its windings are open then, another machine.
+
+sts3250: logs of a Feetech STS3250 in position mode on a pendulum, of the same repository and form. One CSV a log:
+time_s, angle_rad, rate_rad_s, volts, goal_rad, the position that the servo is told; it tells no torque.
 
 tx40: a Staubli TX40, six joints that move at once (thanhndv212/figaroh-examples, examples/staubli_TX40):
 pos_read_data.csv (motor positions, rad) and curr_data.csv (motor torques in N m, by their size; named currents), 5 kHz
@@ -70,19 +74,31 @@ def signed(word):
     return word - 65536 if word > 32767 else word
 
 
-def xl330(folder, out):
+def servo_logs(folder):
+    """Of each log its settings and the rows in which the servo was on."""
     sources = sorted(folder.glob("*.json"))
     if not sources:
         raise FileNotFoundError(f"no *.json in {folder}")
     for source in sources:
         log = json.loads(source.read_text(encoding="utf-8"))
-        rows = [e for e in log["entries"] if e["torque_enable"]]
+        yield log, [e for e in log["entries"] if e["torque_enable"]]
+
+
+def xl330(folder, out):
+    for log, rows in servo_logs(folder):
         duty = [max(-1.0, min(1.0, signed(e["load"]) / PWM_LIMIT)) for e in rows]
         volts = [e["input_volts"] for e in rows]
         write(out / f"xl330_kp{log['kp']:03d}_{log['trajectory']}.csv",
               ["time_s", "angle_rad", "rate_rad_s", "duty", "volts", "torque_Nm", "goal_rad"],
               [[e["timestamp"] for e in rows], [e["position"] for e in rows], [e["speed"] for e in rows], duty, volts,
                [d * v * NM_PER_VOLT for d, v in zip(duty, volts)], [e["goal_position"] for e in rows]])
+
+
+def sts3250(folder, out):
+    for log, rows in servo_logs(folder):
+        write(out / f"sts3250_kp{log['kp']:03d}_{log['trajectory']}.csv",
+              ["time_s", "angle_rad", "rate_rad_s", "volts", "goal_rad"],
+              [[e[name] for e in rows] for name in ("timestamp", "position", "speed", "input_volts", "goal_position")])
 
 
 def numbers_of(path, columns):
@@ -139,7 +155,7 @@ def tx40(folder, out):
         print(out / copy)
 
 
-SOURCES = {"emps": emps, "xl330": xl330, "tx40": tx40}
+SOURCES = {"emps": emps, "xl330": xl330, "sts3250": sts3250, "tx40": tx40}
 
 
 def main():
