@@ -88,7 +88,8 @@ bool port_fits(const EffectInfo& info, std::uint32_t port, const tiller_model_t&
   if (info.port == PortKind::sensor && is_quaternion_state(model, port)) return false;
   if (info.port == PortKind::input && info.needs_drive) {
     for (std::uint32_t j = 0; j < model.joint_count; ++j)
-      if (model.joints[j].drive == port + 1) return true;
+      if (model.joints[j].drive == port + 1)  // the effect acts there
+        return !info.needs_position || model.joints[j].position != TILLER_NO_POSITION;
     return false;
   }
   return true;
