@@ -224,6 +224,13 @@ void tell_changes(Session& s, const SearchResult& found, Result& result) {
   }
 }
 
+// What a verdict of no change is worth: changes are seen in units of what the model of before leaves.
+std::string unseen_changes(double before_sigma) {
+  if (!(before_sigma > kExplained_sigma)) return "";
+  return " What changes predictions by less than " + format("%.2g", kLeastChange_sigma * before_sigma) +
+         " sigma is not seen: on the logs of before that model leaves " + format("%.2g", before_sigma) + ".";
+}
+
 std::string change_sentence(const Session& s, const Result& result) {
   const std::string length = format("%.3g s", kWindow_s * s.time_scale), was = format("%.2f", result.frozen_sigma);
   const double left = std::max(result.remaining_sigma, result.ranking.empty() ? 0 : result.ranking[0].remaining_sigma);
@@ -239,7 +246,8 @@ std::string change_sentence(const Session& s, const Result& result) {
              " times what is left before), and no other parameter or effect makes it better" +
              (!result.ranking.front().effects.empty() ? " by as much as counts."
               : result.leading != 0                   ? " to a proven degree."
-                                                      : ".");
+                                                      : ".") +
+             unseen_changes(result.before_sigma);
     case Verdict::named: {
       std::string text = "Changed: " + changed + "." + from_to;
       if (alternatives.size() > 1)
