@@ -181,8 +181,14 @@ constexpr EffectInfo kInfos[] = {
 #include "tiller/effects.def"
 #undef TILLER_EFFECT
 };
+constexpr Hook kHooksOfKinds[] = {
+#define TILLER_EFFECT(name, Type, ...) Type<double>::hook,
+#include "tiller/effects.def"
+#undef TILLER_EFFECT
+};
 }  // namespace
 const EffectInfo& effect_info(std::uint32_t kind) { return kInfos[kind]; }
+Hook hook_of(std::uint32_t kind) { return kHooksOfKinds[kind]; }
 }  // namespace tiller
 #endif
 extern "C" __attribute__((visibility("default"))) const tiller_model_t* tiller_model(void);

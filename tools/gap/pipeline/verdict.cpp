@@ -337,7 +337,7 @@ void say_nearest(const Answer& a, Result& result) {
   result.verdict = partly ? Verdict::partly : Verdict::unnamed;
   result.sentence = partly
                         ? "Partly explained by " + a.text(a.best()) + " (" + a.values() + "): " + a.from_to() +
-                              " The rest is none of the known effects."
+                              (result.interrupted ? "" : " The rest is none of the known effects.")
                         : "No known effect explains the gap; the nearest is " + a.text(a.best()) + ": " + a.from_to();
 }
 

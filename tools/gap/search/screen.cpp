@@ -6,6 +6,7 @@
 #include "effects/effect_info.hpp"
 #include "effects/effect_roles.hpp"
 #include "tools/gap/result/thresholds.hpp"
+#include "tools/gap/search/joint_reach.hpp"
 #include "tools/gap/search/spatial_period_scan.hpp"
 
 namespace tiller::tools::gap {
@@ -40,6 +41,30 @@ std::vector<std::vector<double>> short_starts(const EffectAt& e, const std::vect
     if (is_strength(info.params[i].scale)) small[i] *= kSmallStarts[0];
   return {hint, small};
 }
+
+/// Which candidates need no fit: what acts at a joint where no force takes off enough of the cost. Only of machines of
+/// many joints, where most candidates are such and the answer costs less than they do.
+class OutOfReach {
+ public:
+  OutOfReach(Session& s, const Candidate& base) : model_(*s.config.model), before_(base.fit.penalty) {
+    if (model_.joint_count <= kFewJoints) return;
+    for (const std::size_t index : s.screen) before_ += base.fit.cost[index];
+    reach_ = joint_reach(s, base);
+  }
+  bool has(const EffectAt& e) const {
+    if (reach_.empty() || e.kind == kChangedParameter || e.port == TILLER_EVERY_PORT) return false;
+    const PortKind port = info_of(e.kind).port;
+    const std::uint32_t joint = joint_of(model_, e.kind, e.port);
+    if ((port != PortKind::joint && port != PortKind::input) || joint >= model_.joint_count) return false;
+    return reach_[joint] < kLeastReach * most_;
+  }
+  void take(const Candidate& fitted) { most_ = std::max(most_, before_ - fitted.fit.total()); }
+
+ private:
+  const tiller_model_t& model_;
+  double before_, most_ = 0;
+  std::vector<double> reach_;
+};
 
 }  // namespace
 
@@ -122,11 +147,12 @@ std::vector<Candidate> screen(Session& s, const Candidate& base, std::size_t kee
   std::size_t done = 0;
   hints.resize(s.candidates.size());
   const std::vector<double> centre = centre_of_own(s, base);
+  OutOfReach out_of_reach(s, base);
   for (std::size_t c = 0; c < s.candidates.size(); ++c) {
     const EffectAt e = s.candidates[c];
     s.progress("screening", static_cast<double>(done++) / static_cast<double>(s.candidates.size()));
     if (s.stopped()) break;
-    if (has(base.effects(), e)) continue;
+    if (has(base.effects(), e) || out_of_reach.has(e)) continue;
     std::vector<EffectAt> effects = base.effects();
     effects.push_back(e);
     Candidate entry;
@@ -138,6 +164,7 @@ std::vector<Candidate> screen(Session& s, const Candidate& base, std::size_t kee
     if (!centre.empty()) fit_from(s, centre, base.fit, starts_of(s, e), kFromCentreIterations, true, entry);
     if (!entry.fit.finite) continue;
     if (hints[c].empty()) hints[c].assign(entry.fit.params.end() - info_of(e.kind).param_count, entry.fit.params.end());
+    out_of_reach.take(entry);
     found.push_back(std::move(entry));
   }
   const auto better = [](const Candidate& a, const Candidate& b) { return a.fit.total() < b.fit.total(); };

@@ -147,7 +147,8 @@ SearchResult Searcher::run() {
   for (std::uint32_t level = 1; level <= s_.options.max_effects && !s_.stopped(); ++level) {
     const std::size_t from = best_;
     const bool gap = s_.sigma(pool_.nominal().cv_cost, s_.work) > kExplained_sigma;
-    expand({from}, level == 1 ? kKeep : kKeepMore, true);
+    const bool left = level == 1 || s_.sigma(pool_.entries[from].cv_cost, s_.work) > kNoise_sigma;
+    expand({from}, level == 1 ? kKeep : kKeepMore, left);
     std::size_t now = pool_.choose();
     if (level == 2) {  // the pair need not hold the best single effect, nor need either of its effects show alone
       best_ = now;
