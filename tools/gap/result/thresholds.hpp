@@ -2,6 +2,9 @@
 
 // Every threshold of `tiller gap`, with its reason; docs/evidence/gap_thresholds.md has the rules that use them.
 
+#include <cstddef>
+#include <cstdint>
+
 namespace tiller::tools::gap {
 
 // ---- windows -------------------------------------------------------------------------------------
@@ -45,6 +48,7 @@ constexpr double kMostShape = 5;
 constexpr std::size_t kKeep = 8;         // candidates that are fitted fully
 constexpr std::uint32_t kFewJoints = 2;  // of more, a joint where no force reaches far enough is left out of a screen
 constexpr double kLeastReach = 0.3;      // ... of what the best candidate takes off: half the error in amplitude
+constexpr double kChanceReach = 3.0;     // ... standard deviations over what noise alone gives a force to take off
 constexpr std::size_t kKeepMore = 5;     // the same beside an effect that is there already
 constexpr std::size_t kBeam = 3;         // sets that the next level begins from
 constexpr double kFitTolerance = 0.1;    // of the cost: an improvement below it ends a fit of the search

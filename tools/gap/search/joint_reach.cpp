@@ -7,7 +7,7 @@
 namespace tiller::tools::gap {
 namespace {
 
-constexpr int kShapes = static_cast<int>(WindowRollout::kLanes);
+constexpr int kShapes = static_cast<int>(kReachShapes);
 constexpr double kPi = 3.14159265358979323846;
 
 double reach_in(Session& s, const Candidate& base, std::size_t index, std::uint32_t joint) {

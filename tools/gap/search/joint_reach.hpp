@@ -6,6 +6,9 @@
 
 namespace tiller::tools::gap {
 
+/// Shapes of a force that are free in each window.
+constexpr std::size_t kReachShapes = WindowRollout::kLanes;
+
 /// (joints) How much of the cost of `base` on the screen's windows a force at each joint can take off at most: sixteen
 /// cosines over a window are free to follow what is left, start states with them, to first order. No effect at that
 /// joint whose force is below 8 Hz in a window of 1 s takes off more. Infinite where the response is not known. Cost:

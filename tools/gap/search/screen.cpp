@@ -42,27 +42,36 @@ std::vector<std::vector<double>> short_starts(const EffectAt& e, const std::vect
   return {hint, small};
 }
 
-/// Which candidates need no fit: what acts at a joint where no force takes off enough of the cost. Only of machines of
-/// many joints, where most candidates are such and the answer costs less than they do.
+// Where no earlier screen has been: what comes first in the catalogue, and the same near nothing.
+std::vector<std::vector<double>> first_starts(const Session& s, const EffectAt& e) {
+  return short_starts(e, starts_of(s, e).front());
+}
+
+/// Which candidates need no fit: what acts at a joint where no force takes off enough of the cost, or, where nothing is
+/// left that has to be explained, no more than chance. Only of machines of many joints, where most candidates are such
+/// and the answer costs less than they do.
 class OutOfReach {
  public:
-  OutOfReach(Session& s, const Candidate& base) : model_(*s.config.model), before_(base.fit.penalty) {
+  OutOfReach(Session& s, const Candidate& base, bool fresh) : model_(*s.config.model), before_(base.fit.penalty) {
     if (model_.joint_count <= kFewJoints) return;
     for (const std::size_t index : s.screen) before_ += base.fit.cost[index];
     reach_ = joint_reach(s, base);
+    const double freedom = static_cast<double>(kReachShapes * s.screen.size());
+    if (!fresh) chance_ = freedom + kChanceReach * std::sqrt(2 * freedom);
   }
+  bool many_joints() const { return !reach_.empty(); }
   bool has(const EffectAt& e) const {
     if (reach_.empty() || e.kind == kChangedParameter || e.port == TILLER_EVERY_PORT) return false;
     const PortKind port = info_of(e.kind).port;
     const std::uint32_t joint = joint_of(model_, e.kind, e.port);
     if ((port != PortKind::joint && port != PortKind::input) || joint >= model_.joint_count) return false;
-    return reach_[joint] < kLeastReach * most_;
+    return reach_[joint] < std::max(chance_, kLeastReach * most_);
   }
   void take(const Candidate& fitted) { most_ = std::max(most_, before_ - fitted.fit.total()); }
 
  private:
   const tiller_model_t& model_;
-  double before_, most_ = 0;
+  double before_, most_ = 0, chance_ = 0;
   std::vector<double> reach_;
 };
 
@@ -147,7 +156,7 @@ std::vector<Candidate> screen(Session& s, const Candidate& base, std::size_t kee
   std::size_t done = 0;
   hints.resize(s.candidates.size());
   const std::vector<double> centre = centre_of_own(s, base);
-  OutOfReach out_of_reach(s, base);
+  OutOfReach out_of_reach(s, base, fresh);
   for (std::size_t c = 0; c < s.candidates.size(); ++c) {
     const EffectAt e = s.candidates[c];
     s.progress("screening", static_cast<double>(done++) / static_cast<double>(s.candidates.size()));
@@ -158,9 +167,12 @@ std::vector<Candidate> screen(Session& s, const Candidate& base, std::size_t kee
     Candidate entry;
     if (!make_hypothesis(s.config, effects, &s.scales, entry.hypothesis)) continue;
     entry.hypothesis.setup.substeps = s.coarse_substeps;
-    const bool all = fresh || hints[c].empty();
-    fit_from(s, base.fit.params, base.fit, all ? all_starts(s, base, e) : short_starts(e, hints[c]), 1,
-             all && has_pitch(info_of(e.kind)), entry);
+    const bool all = fresh || (hints[c].empty() && !out_of_reach.many_joints());
+    fit_from(s, base.fit.params, base.fit,
+             all                ? all_starts(s, base, e)
+             : hints[c].empty() ? first_starts(s, e)
+                                : short_starts(e, hints[c]),
+             1, all && has_pitch(info_of(e.kind)), entry);
     if (!centre.empty()) fit_from(s, centre, base.fit, starts_of(s, e), kFromCentreIterations, true, entry);
     if (!entry.fit.finite) continue;
     if (hints[c].empty()) hints[c].assign(entry.fit.params.end() - info_of(e.kind).param_count, entry.fit.params.end());
