@@ -75,6 +75,7 @@ struct Stepper {
 
   Stepper(const Model& m, const StepSetup& s, const Time& period_s)
       : model(m), setup(s), body(Body<S>::from(s.body)), substep_s(period_s / s.substeps) {
+    if (s.effect_count == 0) return;
     Hook hooks[TILLER_MAX_EFFECTS];
     for (std::uint32_t e = 0; e < s.effect_count; ++e) hooks[e] = hook_of(s.effects[e].kind);
     for (int hook = 0; hook < kHooks; ++hook)
@@ -519,6 +520,8 @@ struct Stepper {
       const S relaxation = S(sweep == 0 || sweep == sweeps - 1 ? 1.0 : kRelaxation);
       for_effects<Hook::dissipation>([&](auto effect, const EffectSlot& slot) TILLER_INLINED {
         const std::uint8_t e = swept_as[&slot - slots[static_cast<int>(Hook::dissipation)]];
+        constexpr bool kMayServe = std::is_same<decltype(effect), Called>::value;
+        const bool serves = kMayServe && e == kServes;
         if (sweep > 0 && e >= kServes) return;
         at_port(model.joints(), slot.port, [&](auto j) TILLER_INLINED {
           for (int r = 0; r < kCount; ++r) {
@@ -534,12 +537,12 @@ struct Stepper {
             in.velocity = model.template velocity<S>(begin[r], j);
             in.free = model.template velocity<S>(t[r].x, j);
             in.gain = h * column[j];
-            in.drive = drive_force(e == kServes ? goals[r] : u[r], j);
+            in.drive = drive_force(serves ? goals[r] : u[r], j);
             in.dt_s = h;
             if (sweep > 0) in.free = in.free - in.gain * pushes[r][e];
             S push = call_force<decltype(effect), S>(slot.kind, in, t[r].effect_state + slot.state,
                                                      effect_params(p[kSets == 1 ? 0 : r], slot));
-            if (e == kServes) set_drive_force(u[r], j, drive_force(u[r], j) + push);
+            if (serves) set_drive_force(u[r], j, drive_force(u[r], j) + push);
             if (sweeps > 1 && e < kServes) {
               const S before = sweep > 0 ? pushes[r][e] : S(0.0);
               push = relaxation * (push - before);

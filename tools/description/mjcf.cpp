@@ -256,7 +256,7 @@ class CompiledReader {
 
   /// The effect that has the law of a position servo: force = gain (ctrl - gear q) - bias gear v, gear times at the joint.
   static std::string servo_effect(const Json& a, double gear, double gain, double force) {
-    const double damping = -gear * gear * a.at("bias_values").at(2).get<double>();
+    const double damping = gear * gear * std::max(0.0, -a.at("bias_values").at(2).get<double>());
     return "[[effects]] kind = \"position_servo\", stiffness_SI = " + number_text(gear * gear * gain) +
            ", damping_SI = " + number_text(damping) +
            (std::isfinite(force) ? ", limit_SI = " + number_text(gear * force) : "") +
