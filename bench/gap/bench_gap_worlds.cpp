@@ -46,7 +46,7 @@ int main(int argc, char** argv) {
   app.add_option("--process", wanted.process_sd, "random force on the actuated joint");
   app.add_option("--least-r", wanted.least_r, "least r that is drawn");
   app.add_option("--most-r", wanted.most_r, "largest r that is drawn");
-  app.add_option("--seed", wanted.seed, "1 and up are for scoring, 100001 and up for tuning");
+  app.add_option("--seed", wanted.seed, "31 and up are for scoring, 100001 and up for tuning");
   app.add_flag("--draw", draw, "plant, effect, noise and excitation from the seed");
   app.add_option("--out", out, "folder")->required();
   CLI11_PARSE(app, argc, argv);

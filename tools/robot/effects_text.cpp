@@ -26,7 +26,8 @@ std::string port_text(const EffectInfo& info) {
   std::string text = port_kind_name(info.port);
   if (info.port == PortKind::input && info.needs_drive) text += " that drives a joint";
   if (info.port == PortKind::joint && info.needs_drive) text += " with a drive";
-  if (info.needs_position) text += info.needs_drive && info.port == PortKind::joint ? " and a position" : " with a position";
+  if (info.needs_position)
+    text += info.needs_drive && info.port == PortKind::joint ? " and a position" : " with a position";
   return text;
 }
 
