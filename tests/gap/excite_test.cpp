@@ -259,6 +259,7 @@ TEST(Rivals, AreReadWithWhatIsWrongAndWhatToWrite) {
     const char* says;
   } wrong[] = {{"coulomb_frictoin", "did you mean coulomb_friction?"},
                {"coulomb_friction@cart", "has no joint 'cart'"},
+               {"input_delay@all", "has no input 'all'"},
                {"coulomb_friction:force=1", "write one of friction_SI"},
                {"coulomb_friction:friction_SI=much", "is no number"},
                {"coulomb_friction:friction_SI=-1", "lies outside"},

@@ -68,6 +68,21 @@ TEST(RobotFile, PriorsAndEffects) {
   EXPECT_EQ(c.effects[1].kind, static_cast<std::uint32_t>(tiller_effect_actuator_lag));
 }
 
+// "all" where the model has two ports and more of the kind.
+TEST(RobotFile, AnEffectMayStandAtAllPorts) {
+  std::string text = test::kGoodRobot, errors;
+  const std::string one = "port = \"cart\"\ndamping_SI";
+  text.replace(text.find(one), one.size(), "port = \"all\"\ndamping_SI");
+  const auto robot = parse_robot_file(text, "bench.toml", errors);
+  ASSERT_NE(robot, nullptr) << errors;
+  EXPECT_EQ(robot->config.effects[0].port, TILLER_EVERY_PORT);
+  EXPECT_EQ(robot->names.params[robot->config.model->param_count], "all.damping_SI");
+  const std::string input = "port = \"force_N\"";
+  text.replace(text.find(input), input.size(), "port = \"all\"");
+  EXPECT_EQ(parse_robot_file(text, "bench.toml", errors), nullptr);
+  EXPECT_NE(errors.find("known: force_N"), std::string::npos) << errors;
+}
+
 // The body has one port, which needs no name; tails beyond what physics allows are cut.
 TEST(RobotFile, EffectsOfTheBodyAndOfSensors) {
   std::string text = test::kGoodRobot, errors;

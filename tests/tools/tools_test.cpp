@@ -17,6 +17,7 @@
 #include "tools/base/text.hpp"
 #include "tools/base/thread_pool.hpp"
 #include "tools/links/latency_watch.hpp"
+#include "tools/links/model_plant.hpp"
 #include "tools/links/plant_setup.hpp"
 #include "tools/logs/record_file.hpp"
 #include "tools/logs/run_log.hpp"
@@ -312,6 +313,28 @@ TEST(Draw, FollowsThePriors) {
   EXPECT_NEAR(mean_of({tiller_prior_normal, 0, 5, 2, -INFINITY, INFINITY}), 5, 4 * 2.0 / 141);
   // mean of a log-normal: median exp(s^2 / 2); its sd here is 0.604
   EXPECT_NEAR(mean_of({tiller_prior_log_normal, 0, 1, 0.5, 0, INFINITY}), std::exp(0.125), 4 * 0.604 / 141);
+}
+
+/// A goal is no force in the plant either, and what the file knows of its servo is the truth there.
+TEST(ModelPlants, HaveTheRobotFilesServos) {
+  std::string errors, error;
+  const auto robot = parse_robot_file(
+      "[model]\nname = \"pendulum\"\nperiod_s = 0.02\n[parameters]\nmass_kg = 0.5\nlength_m = 0.4\n"
+      "damping_Nms = 0.01\n[[effects]]\nkind = \"position_servo\"\nport = \"torque_Nm\"\n"
+      "stiffness_SI = { uniform = [20, 60] }\ndamping_SI = 2\nlimit_SI = 0\n[measurement]\nangle_rad = { sd = 0.001 }\n"
+      "[start]\nstate = { angle_rad = 0 }\n[planner]\nkind = \"mppi\"\n[cost]\ntarget = { angle_rad = 1 }\n"
+      "state_weight = { angle_rad = 1 }\n[limits]\ntorque_Nm = { low = -2, high = 2, safe = 0 }\n"
+      "[safety]\nsensor_timeout_s = 0.1\n[sim]\nplant = \"model\"\n",
+      "servo.toml", errors);
+  ASSERT_NE(robot, nullptr) << errors;
+  const auto plant = ModelPlant::make(*robot, error);
+  ASSERT_NE(plant, nullptr) << error;
+  EXPECT_EQ(plant->true_params()[3], 40.0);
+  const double goal = 0.8;
+  for (int k = 0; k < 100; ++k) plant->advance(&goal);
+  // at rest the servo holds the pendulum's weight: stiffness (goal - q) = m g l sin q
+  const double q = plant->state()[0];
+  EXPECT_NEAR(40.0 * (goal - q), 0.5 * 9.81 * 0.4 * std::sin(q), 1e-3);
 }
 
 }  // namespace

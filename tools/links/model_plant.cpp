@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <optional>
 
 #include "effects/effect_info.hpp"
 #include "rollout/measurement.hpp"
+#include "tools/robot/units.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -37,12 +37,10 @@ Words param_names(const EffectInfo& info) {
   return names;
 }
 
-std::optional<std::uint32_t> find_port(const RobotFile& robot, const EffectInfo& info, const std::string& port) {
+/// Of [sim], where the port of an input's or a body's effect may be left out.
+std::optional<std::uint32_t> find_sim_port(const RobotFile& robot, const EffectInfo& info, const std::string& port) {
   if (port.empty() && (info.port == PortKind::input || info.port == PortKind::body)) return 0;
-  for (std::uint32_t i = 0; i < port_count(info.port, *robot.config.model); ++i)
-    if (port == port_name(info.port, *robot.config.model, i)) return i;
-  if (port == "all" && port_fits(info, TILLER_EVERY_PORT, *robot.config.model)) return TILLER_EVERY_PORT;
-  return std::nullopt;
+  return find_port(info, *robot.config.model, port);
 }
 
 /// What the plant has beside the model: the effects of [sim], and of the robot file's own the servos that [sim] says
@@ -97,7 +95,7 @@ bool ModelPlant::set_effects(const RobotFile& robot, std::string& error) {
       return false;
     }
     const EffectInfo& info = effect_info(static_cast<std::uint32_t>(kind));
-    const auto port = find_port(robot, info, effect.port);
+    const auto port = find_sim_port(robot, info, effect.port);
     if (!port) {
       error = where(robot) + effect.kind + ": the model has no port '" + effect.port +
               "'; write the name of one of its " + port_kind_name(info.port) + "s";

@@ -13,9 +13,10 @@
 namespace tiller::tools {
 
 /// The model itself as the plant, `[sim] plant = "model"`: for models that no ODE plant stands for. True parameters
-/// are those of [sim]; what it leaves out stands at its prior's centre, or is drawn with draw = true. Integrated by
-/// RK4 at ten times the controller's substeps. It tries the loop, never the model: a plant with the same equations
-/// cannot contradict them.
+/// are those of [sim]; what it leaves out stands at its prior's centre, or is drawn with draw = true. Effects are those
+/// of [sim] alone, but for servos of the robot file, without which a goal would be a force. Integrated by RK4 at ten
+/// times the controller's substeps. It tries the loop, never the model: a plant with the same equations cannot
+/// contradict them.
 class ModelPlant {
  public:
   static std::unique_ptr<ModelPlant> make(const RobotFile& robot, std::string& error);

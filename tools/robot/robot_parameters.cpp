@@ -2,7 +2,6 @@
 
 #include <cmath>
 #include <limits>
-#include <optional>
 
 #include "effects/effect_info.hpp"
 #include "tools/robot/robot_sections.hpp"
@@ -100,17 +99,6 @@ std::string range_text(double low, double high) {
   return std::isfinite(low) ? "at least " + number_text(low) : "at most " + number_text(high);
 }
 
-/// The port of that name, or "all" of them; nothing where there is none. known: the names.
-std::optional<std::uint32_t> find_port(const tiller_model_t& model, const EffectInfo& info, const std::string& name,
-                                       Words& known) {
-  for (std::uint32_t i = 0; i < port_count(info.port, model); ++i) known.emplace_back(port_name(info.port, model, i));
-  const int index = index_of(known, name);
-  if (port_fits(info, TILLER_EVERY_PORT, model)) known.emplace_back("all");
-  if (index >= 0) return static_cast<std::uint32_t>(index);
-  if (name == known.back()) return TILLER_EVERY_PORT;
-  return std::nullopt;
-}
-
 void read_effect_params(SectionReader& section, const EffectInfo& info, const std::string& port, RobotFile& robot) {
   Words names;
   for (int i = 0; i < info.param_count; ++i) names.emplace_back(info.params[i].name);
@@ -138,8 +126,8 @@ void read_effect(FileErrors& errors, const toml::table& table, std::size_t index
   const auto port = section.text("port");
   if (!kind) return;
   const EffectInfo& info = effect_info(*kind);
-  Words known;
-  const auto place = find_port(*robot.config.model, info, port.value_or(""), known);
+  const Words known = port_names(info, *robot.config.model);
+  const auto place = find_port(info, *robot.config.model, port.value_or(""));
   const std::string what = port_kind_name(info.port);
   if (info.port == PortKind::joint && robot.config.model->joint_count == 0) {
     section.error("kind",

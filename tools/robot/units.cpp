@@ -36,6 +36,20 @@ Words parameter_units(const tiller_config_t& config, const Words& names) {
   return units;
 }
 
+Words port_names(const EffectInfo& info, const tiller_model_t& model) {
+  Words names;
+  for (std::uint32_t i = 0; i < port_count(info.port, model); ++i) names.emplace_back(port_name(info.port, model, i));
+  if (port_fits(info, TILLER_EVERY_PORT, model)) names.emplace_back(port_name(info.port, model, TILLER_EVERY_PORT));
+  return names;
+}
+
+std::optional<std::uint32_t> find_port(const EffectInfo& info, const tiller_model_t& model, const std::string& name) {
+  const int index = index_of(port_names(info, model), name);
+  if (index < 0) return std::nullopt;
+  const auto port = static_cast<std::uint32_t>(index);
+  return port < port_count(info.port, model) ? port : TILLER_EVERY_PORT;
+}
+
 bool is_goal(const tiller_config_t& config, std::uint32_t input) {
   bool goal = false;
   for (std::uint32_t e = 0; e < config.effect_count; ++e) {

@@ -10,6 +10,7 @@
 #include "effects/effect_roles.hpp"
 #include "posterior/prior.hpp"
 #include "tiller/config.hpp"
+#include "tools/robot/units.hpp"
 
 namespace tiller::tools::gap {
 namespace {
@@ -102,7 +103,7 @@ bool add_effect(const RobotFile& robot, std::uint32_t kind, std::uint32_t port, 
     const EffectParam& p = info.params[i];
     const double start = p.start_count > 0 ? p.start[p.start_count / 2] : 0.3;
     r.params.push_back(at + "." + p.name);
-    r.value.push_back(std::clamp(start * typical(robot, p.scale, port), p.low, p.high));
+    r.value.push_back(std::clamp(start * typical(robot, p.scale, first_port(info, port, *c.model)), p.low, p.high));
     r.spread.push_back(0);
     r.low.push_back(p.low);
     r.high.push_back(p.high);
@@ -156,23 +157,21 @@ bool set_value(Rival& r, std::size_t first, const std::string& key, const std::s
   return true;
 }
 
-bool find_port(const RobotFile& robot, const EffectInfo& info, const std::string& name, std::uint32_t& port,
-               std::string& error) {
-  Words known, fitting;
-  for (std::uint32_t i = 0; i < port_count(info.port, *robot.config.model); ++i) {
-    known.emplace_back(port_name(info.port, *robot.config.model, i));
-    if (port_fits(info, i, *robot.config.model)) fitting.push_back(known.back());
-  }
-  const std::string wanted = name.empty() && fitting.size() == 1 ? fitting[0] : name;
-  const int index = index_of(known, wanted);
-  if (index >= 0) {
-    port = static_cast<std::uint32_t>(index);
+bool find_place(const RobotFile& robot, const EffectInfo& info, const std::string& name, std::uint32_t& port,
+                std::string& error) {
+  const tiller_model_t& model = *robot.config.model;
+  Words fitting;
+  for_ports(info, TILLER_EVERY_PORT, model,
+            [&](std::uint32_t p) { fitting.emplace_back(port_name(info.port, model, p)); });
+  const auto found = find_port(info, model, name.empty() && fitting.size() == 1 ? fitting[0] : name);
+  if (found) {
+    port = *found;
     return true;
   }
   error = name.empty() ? std::string(info.name) + " has more than one place here: write " + info.name + "@" +
                              join(fitting, " or ...@")
-                       : std::string(robot.config.model->name) + " has no " + port_kind_name(info.port) + " '" + name +
-                             "' for " + info.name + "; write one of " + join(known);
+                       : std::string(model.name) + " has no " + port_kind_name(info.port) + " '" + name + "' for " +
+                             info.name + "; write one of " + join(port_names(info, model));
   return false;
 }
 
@@ -193,7 +192,7 @@ bool parse_effect(const RobotFile& robot, const std::string& text, Rival& r, std
   const auto k = static_cast<std::uint32_t>(kind);
   std::uint32_t port = 0;
   const std::size_t first = r.params.size();
-  if (!find_port(robot, effect_info(k), port_text, port, error) || !add_effect(robot, k, port, r, error)) return false;
+  if (!find_place(robot, effect_info(k), port_text, port, error) || !add_effect(robot, k, port, r, error)) return false;
   if (colon == std::string::npos) return true;
   for (const std::string& pair : split(text.substr(colon + 1), ':')) {
     const std::size_t equals = pair.find('=');
