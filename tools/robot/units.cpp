@@ -1,5 +1,6 @@
 #include "tools/robot/units.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 namespace tiller::tools {
@@ -44,9 +45,10 @@ Words port_names(const EffectInfo& info, const tiller_model_t& model) {
 }
 
 std::optional<std::uint32_t> find_port(const EffectInfo& info, const tiller_model_t& model, const std::string& name) {
-  const int index = index_of(port_names(info, model), name);
-  if (index < 0) return std::nullopt;
-  const auto port = static_cast<std::uint32_t>(index);
+  const Words names = port_names(info, model);
+  const auto found = std::find(names.begin(), names.end(), name);
+  if (found == names.end()) return std::nullopt;
+  const auto port = static_cast<std::uint32_t>(found - names.begin());
   return port < port_count(info.port, model) ? port : TILLER_EVERY_PORT;
 }
 
