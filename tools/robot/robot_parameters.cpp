@@ -1,5 +1,6 @@
 // [parameters], [[effects]] and the priors in both.
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -119,6 +120,25 @@ void read_effect_params(SectionReader& section, const EffectInfo& info, const st
   }
 }
 
+/// Why a controller has no room for one more effect; empty: it has.
+std::string why_no_room(const tiller_config_t& config, const tiller_effect_t& more) {
+  std::uint32_t effects = 0, states = 0;
+  const auto count = [&](const tiller_effect_t& e) {
+    const EffectInfo& info = effect_info(e.kind);
+    const std::uint32_t ports = ports_of(info, e.port, *config.model);
+    effects += ports;
+    states += ports * static_cast<std::uint32_t>(info.state_count);
+  };
+  std::for_each(config.effects, config.effects + config.effect_count, count);
+  count(more);
+  if (effects > TILLER_MAX_EFFECTS)
+    return "too many effects: " + std::to_string(effects) + ", at most " + std::to_string(TILLER_MAX_EFFECTS);
+  if (states > TILLER_MAX_EFFECT_STATES)
+    return "the effects have " + std::to_string(states) + " states of their own, at most " +
+           std::to_string(TILLER_MAX_EFFECT_STATES);
+  return "";
+}
+
 void read_effect(FileErrors& errors, const toml::table& table, std::size_t index, RobotFile& robot) {
   SectionReader section(errors, "effects[]", "effects[" + std::to_string(index) + "]", &table);
   const auto kind = section.choice("kind");
@@ -148,9 +168,9 @@ void read_effect(FileErrors& errors, const toml::table& table, std::size_t index
                       info.name + " needs",
                   "choose another port, or leave the effect out");
   }
-  if (robot.config.effect_count >= TILLER_MAX_EFFECTS) {
-    errors.at_table(table, section.path_of("kind"), "too many effects",
-                    "keep at most " + std::to_string(TILLER_MAX_EFFECTS));
+  const std::string full = why_no_room(robot.config, {*kind, place.value_or(0)});
+  if (!full.empty()) {
+    errors.at_table(table, section.path_of("kind"), full, "leave effects out; one at all ports counts at each");
     return;
   }
   tiller_effect_t& effect = robot.config.effects[robot.config.effect_count++];
