@@ -1,8 +1,8 @@
 #pragma once
 
-// How the stepper calls an effect. Those of TILLER_INLINED_EFFECTS are compiled into the kernel's loops; all others stand
-// in one function per hook's arguments and scalar type (effect_texts.hpp), so that neither a kernel's compile time nor
-// what a change of one effect compiles anew grows with the catalogue.
+// How the stepper calls an effect. Those of TILLER_INLINED_EFFECTS are compiled into the kernel's loops; all others
+// stand in one function per hook's arguments and scalar type (effect_texts.hpp), so that neither a kernel's compile
+// time nor what a change of one effect compiles anew grows with the catalogue.
 
 #include <type_traits>
 

@@ -254,7 +254,8 @@ class CompiledReader {
     return false;
   }
 
-  /// The effect that has the law of a position servo: force = gain (ctrl - gear q) - bias gear v, gear times at the joint.
+  /// The effect that has the law of a position servo: force = gain (ctrl - gear q) - bias gear v, gear times that at
+  /// the joint.
   static std::string servo_effect(const Json& a, double gear, double gain, double force) {
     const double damping = gear * gear * std::max(0.0, -a.at("bias_values").at(2).get<double>());
     return "[[effects]] kind = \"position_servo\", stiffness_SI = " + number_text(gear * gear * gain) +
