@@ -210,6 +210,36 @@ TEST(Rates, AMeasuredInputGoesOnInAStraightLine) {
   EXPECT_EQ(log.input[0][97], 95.0) << "nothing comes after it";
 }
 
+// The supply is read every tenth row and falls from 12 V by 0.1 V a reading: the torque that acts falls with it, in a
+// straight line between readings.
+TEST(Schedule, AnInputActsInProportionToItsColumn) {
+  const auto text = [](const char* first) {
+    std::string rows = "time_s,angle_rad,torque_Nm,volts\n";
+    for (int i = 0; i < 100; ++i)
+      rows += std::to_string(0.01 * i) + "," + std::to_string(0.1 * i) + ",2," +
+              (i % 10 != 5 ? "" : i == 5 ? first : std::to_string(12 - 0.01 * (i - 5))) + "\n";
+    return rows;
+  };
+  LogMap map;
+  map.schedule["torque_Nm"] = {"volts", 12};
+  const Log log = read_angle("supply.csv", text("12"), map);
+  EXPECT_NEAR(log.input[0][0], 2, 1e-9) << "as at the first reading";
+  for (int row = 5; row < 96; ++row)
+    EXPECT_NEAR(log.input[0][static_cast<std::size_t>(row)], 2 * (12 - 0.01 * (row - 5)) / 12, 1e-9) << row;
+  EXPECT_NEAR(log.input[0][99], 2 * (12 - 0.9) / 12, 1e-9) << "as at the last";
+  EXPECT_NE(log.note.find("torque_Nm is taken 0.925 to 1 times, by column 'volts'"), std::string::npos) << log.note;
+
+  const auto refused = [&](const std::string& rows) {
+    Log none;
+    std::string error;
+    EXPECT_FALSE(read_log(write_file("supply_bad.csv", rows), map, pendulum(), {0}, none, error));
+    return error;
+  };
+  EXPECT_NE(refused(text("-3")).find("column 'volts' reads -3"), std::string::npos);
+  EXPECT_NE(refused(slow_torque()).find("no column 'volts'"), std::string::npos);
+  EXPECT_NE(refused(text("inf")).find("'inf'"), std::string::npos);
+}
+
 TEST(Rates, RowsOfOneStampAreOneWhereTheyAgree) {
   std::string text = "time_s,angle_rad,torque_Nm\n";
   for (int i = 0; i < 40; ++i) {

@@ -23,8 +23,14 @@ def command(t):
     return 1.2 * np.sin(2.2 * t) + 0.9 * np.sin(5.2 * t + 1) + 0.5 * np.sin(10.1 * t + 2)
 
 
-def swing(seconds: float, seed: int) -> list:
-    """(time, angle with 2 mrad of noise at 250 Hz, torque or None): the torque changes at 10 Hz."""
+def volts(t):
+    """Of a supply that falls by a third in ten seconds."""
+    return 12 - 0.4 * t
+
+
+def swing(seconds: float, seed: int, supply=lambda t: 1.0) -> list:
+    """(time, angle with 2 mrad of noise at 250 Hz, torque or None): the torque changes at 10 Hz, and acts in proportion
+    to the supply."""
     noise, rows = np.random.default_rng(seed), []
     q = w = u = 0.0
     for i in range(round(seconds / STEP)):
@@ -33,7 +39,7 @@ def swing(seconds: float, seed: int) -> list:
         if i % 8 == 0:
             rows.append((i * STEP, q + 0.002 * noise.normal(), u if i % 200 == 0 else None))
         middle = q + 0.5 * STEP * w  # second order
-        force = lambda rate: (u - DAMPING * rate - MASS * G * LENGTH * np.sin(middle)) / (MASS * LENGTH**2)
+        force = lambda rate: (u * supply(i * STEP) - DAMPING * rate - MASS * G * LENGTH * np.sin(middle)) / (MASS * LENGTH**2)
         change = STEP * force(w + 0.5 * STEP * force(w))
         q, w = q + STEP * (w + 0.5 * change), w + change
     return rows
@@ -77,6 +83,22 @@ class Commands(unittest.TestCase):
         self.check(self.learnt(ROBOTS / "pendulum.toml", self.plain))
         self.assertIn("column 'torque_Nm' has a value in 100 of 2500 rows and holds in between", self.notes)
 
+    def test_an_input_acts_in_proportion_to_a_column(self):
+        rows = swing(10, 2, lambda t: volts(t) / 12)
+        log = self.folder / "sag.csv"
+        log.write_text("time_s,angle_rad,torque_Nm,volts\n" + "".join(
+            f"{t:.4f},{q:.5f},{'' if u is None else f'{u:.6f}'},{volts(t):.3f}\n" for t, q, u in rows))
+        without, _ = self.learnt(ROBOTS / "pendulum.toml", log)["mass_kg"]
+        self.assertGreater(abs(without - MASS), 0.02, "the supply does not show in this motion")
+        self.check(self.learnt(self.robot('schedule = { torque_Nm = { column = "volts", nominal = 12 } }'), log))
+        self.assertIn("torque_Nm is taken 0.667 to 1 times, by column 'volts'", self.notes)
+        for wrong, told in (('"volts"', "is not a column with its nominal value"),
+                            ('{ column = "volts", nominal = 0 }', "has the nominal value 0"),
+                            ('{ column = "volt", nominal = 12 }', "no column 'volt'")):
+            done = run("identify", self.robot(f"schedule = {{ torque_Nm = {wrong} }}"), log, code=None)
+            self.assertNotEqual(done.returncode, 0)
+            self.assertIn(told, done.stderr)
+
     def test_a_dialect_changes_nothing(self):
         other = self.folder / "other.csv"
         text = self.plain.read_text().replace(",", ";").replace(".", ",")
@@ -114,6 +136,21 @@ class Commands(unittest.TestCase):
             {"angles": "uint64_t timestamp;uint64_t timestamp_sample;float[2] q", "motor": "uint64_t timestamp;float u"},
             messages))
         robot = self.robot('columns = { angle_rad = "angles.q[1]", torque_Nm = "motor.u" }')
+        self.check(self.learnt(robot, self.folder / "flight.ulg"))
+
+    @unittest.skipUnless(pyulog, "no Python package pyulog: ./dev setup installs it")
+    def test_a_topic_of_its_own_rate_is_a_schedule(self):
+        messages = []
+        for i, (t, q, u) in enumerate(swing(10, 3, lambda t: volts(t) / 12)):
+            at = 5000000 + round(t * 1e6)
+            messages += [("motor", 0, "Qf", (at, u))] if u is not None else []
+            messages += [("battery", 0, "Qf", (at + 70, volts(t)))] if i % 250 == 0 else []
+            messages.append(("angles", 0, "Qf", (at, q)))
+        (self.folder / "flight.ulg").write_bytes(ulog_bytes(
+            {"motor": "uint64_t timestamp;float u", "angles": "uint64_t timestamp;float q",
+             "battery": "uint64_t timestamp;float volts"}, messages))
+        robot = self.robot('columns = { angle_rad = "angles.q", torque_Nm = "motor.u" }\n'
+                           'schedule = { torque_Nm = { column = "battery.volts", nominal = 12 } }')
         self.check(self.learnt(robot, self.folder / "flight.ulg"))
 
     def test_a_message_that_came_again_counts_once(self):

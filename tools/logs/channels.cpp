@@ -82,7 +82,12 @@ bool has_all(const Channels& channels, std::vector<LogColumn>& columns, Log& log
     return c.kind == LogColumn::Kind::input && is_there(c);
   });
   for (const LogColumn& column : columns) {
-    if (is_there(column) || (log.undriven && column.kind == LogColumn::Kind::input)) continue;
+    if (is_there(column) || (log.undriven && column.at_inputs())) continue;
+    if (column.kind == LogColumn::Kind::scale) {
+      problems.add("no column '" + column.column + "' as [log] schedule." + column.field +
+                   " names it: " + channels.problems.at(column.column));
+      continue;
+    }
     problems.add(
         "no column '" + column.column + "' for " + column.field + ": " + channels.problems.at(column.column) +
         "; name it in [log] columns = { " + column.field + " = \"...\" }" +
@@ -91,7 +96,7 @@ bool has_all(const Channels& channels, std::vector<LogColumn>& columns, Log& log
              : "") +
         (column.kind == LogColumn::Kind::time ? ", or [log] row_s = ... if the rows are as far apart as that" : ""));
   }
-  const auto unused = [&](const LogColumn& c) { return log.undriven && c.kind == LogColumn::Kind::input; };
+  const auto unused = [&](const LogColumn& c) { return log.undriven && c.at_inputs(); };
   columns.erase(std::remove_if(columns.begin(), columns.end(), unused), columns.end());
   return problems.none();
 }
@@ -136,10 +141,16 @@ void take_topics(const Channels& channels, const std::vector<LogColumn>& columns
   const auto clock_of = [&](const LogColumn& c) -> const std::vector<double>& {
     return channels.clocks[static_cast<std::size_t>(channels.by_column.at(c.column).clock)];
   };
+  // what multiplies an input changes while the input holds
+  const bool scaled = std::any_of(columns.begin(), columns.end(),
+                                  [](const LogColumn& c) { return c.kind == LogColumn::Kind::scale; });
+  const auto add = [](const std::vector<double>& clock, std::vector<const std::vector<double>*>& list) {
+    if (std::find(list.begin(), list.end(), &clock) == list.end()) list.push_back(&clock);
+  };
   for (const LogColumn& column : columns) {
     const std::vector<double>& clock = clock_of(column);
-    auto& list = clocks[column.kind == LogColumn::Kind::input ? 1 : 0];
-    if (std::find(list.begin(), list.end(), &clock) == list.end()) list.push_back(&clock);
+    if (!column.at_inputs()) add(clock, clocks[0]);
+    if (column.at_inputs() || scaled) add(clock, clocks[1]);
     if (column.kind == LogColumn::Kind::state && clock.size() > 1)
       typical = std::min(typical, (clock.back() - clock.front()) / static_cast<double>(clock.size() - 1));
   }
@@ -147,9 +158,9 @@ void take_topics(const Channels& channels, const std::vector<LogColumn>& columns
   log.time_s = union_of(clocks[0], apart);
   log.input_time_s = union_of(clocks[1], 0);
   for (const LogColumn& column : columns) {
-    const bool input = column.kind == LogColumn::Kind::input;
     const Channel& channel = channels.by_column.at(column.column);
-    values_of(log, column) = spread(clock_of(column), channel.values, column, input ? log.input_time_s : log.time_s);
+    const std::vector<double>& time_s = column.at_inputs() ? log.input_time_s : log.time_s;
+    values_of(log, column) = spread(clock_of(column), channel.values, column, time_s);
   }
   for (std::size_t i = 0; i < log.rows(); ++i) log.line.push_back(static_cast<int>(i + 1));
 }

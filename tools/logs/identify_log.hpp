@@ -18,6 +18,7 @@ struct Log {
   std::vector<double> time_s;              ///< (rows) from the first row on
   std::vector<std::vector<double>> state;  ///< (nx) of (rows); NaN: not measured; empty: no such column
   std::vector<std::vector<double>> input;  ///< (nu) of (input_times())
+  std::vector<std::vector<double>> scale;  ///< (nu) of (input_times()), what [log] schedule multiplies the input by
   std::vector<double> input_time_s;        ///< stamps of the inputs' own; empty: those of the rows
   bool undriven = false;                   ///< inputs are 0 because the log has none
   std::size_t rows() const { return time_s.size(); }

@@ -29,13 +29,30 @@ LogColumn make_column(const LogMap& map, LogColumn::Kind kind, const std::string
   return column;
 }
 
+LogColumn make_schedule(const LogSchedule& schedule, const std::string& input, std::size_t index) {
+  LogColumn column;
+  column.kind = LogColumn::Kind::scale;
+  column.field = input;
+  column.column = schedule.column;
+  column.index = index;
+  column.factor = 1 / schedule.nominal;
+  return column;
+}
+
+/// Inputs and what multiplies them.
+template <class Visit>
+void for_inputs(Log& log, const Visit& visit) {
+  for (auto* columns : {&log.input, &log.scale})
+    for (std::vector<double>& column : *columns)
+      if (!column.empty()) visit(column);
+}
+
 /// What has a value in each row; inputs with stamps of their own have not.
 template <class Visit>
 void for_columns(Log& log, const Visit& visit) {
   for (std::vector<double>& column : log.state)
     if (!column.empty()) visit(column);
-  for (std::vector<double>& column : log.input)
-    if (!column.empty() && log.input_time_s.empty()) visit(column);
+  if (log.input_time_s.empty()) for_inputs(log, visit);
 }
 
 /// Row `from` into row `to` of the same stamp. False: they contradict each other.
@@ -114,7 +131,7 @@ void hold_inputs(const tiller_model_t& model, Log& log, LogProblems& problems) {
       values.erase(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(first));
     };
     cut(log.input_time_s);
-    for (std::vector<double>& u : log.input) cut(u);
+    for_inputs(log, cut);
     const auto begin = std::lower_bound(log.time_s.begin(), log.time_s.end(), log.input_time_s[0]);
     first = static_cast<std::size_t>(begin - log.time_s.begin());
   }
@@ -123,6 +140,28 @@ void hold_inputs(const tiller_model_t& model, Log& log, LogProblems& problems) {
     add_note(format("%zu rows before the first input are left out", first), log);
   }
   for (std::vector<double>& u : log.input) fill_gaps(log.input_times(), hold, u);
+}
+
+/// Multiplies the inputs by what the robot file gives in proportion to a column: a straight line from value to value.
+void apply_schedules(const tiller_model_t& model, Log& log, LogProblems& problems) {
+  for (std::size_t i = 0; i < log.input.size(); ++i) {
+    std::vector<double>& scale = log.scale[i];
+    if (scale.empty()) continue;
+    const LogSchedule& schedule = log.map.schedule.at(model.input_names[i]);
+    const auto first = std::find_if(scale.begin(), scale.end(), [](double v) { return !std::isnan(v); });
+    if (first == scale.end()) return problems.add("column '" + schedule.column + "': every cell is empty");
+    std::fill(scale.begin(), first, *first);
+    fill_gaps(log.input_times(), false, scale);
+    const auto [low, high] = std::minmax_element(scale.begin(), scale.end());
+    if (*low < 0)
+      return problems.add("column '" + schedule.column + "' reads " + format("%.6g", *low * schedule.nominal) +
+                          ": an input in proportion to it would turn round; check the column or [log] schedule." +
+                          model.input_names[i]);
+    add_note(std::string(model.input_names[i]) + " is taken " + format("%.3g to %.3g", *low, *high) +
+                 " times, by column '" + schedule.column + "'",
+             log);
+    for (std::size_t k = 0; k < scale.size(); ++k) log.input[i][k] *= scale[k];
+  }
 }
 
 void note_rates(const tiller_model_t& model, Log& log) {
@@ -162,6 +201,9 @@ std::vector<LogColumn> log_columns(const LogMap& map, const tiller_model_t& mode
   }
   for (std::uint32_t i = 0; i < model.input_count && driven; ++i)
     columns.push_back(make_column(map, LogColumn::Kind::input, model.input_names[i], i));
+  for (std::uint32_t i = 0; i < model.input_count && driven; ++i)
+    if (const auto schedule = map.schedule.find(model.input_names[i]); schedule != map.schedule.end())
+      columns.push_back(make_schedule(schedule->second, model.input_names[i], i));
   return columns;
 }
 
@@ -185,6 +227,9 @@ bool find_columns(const Words& names, const char* whose, const std::vector<LogCo
     const std::string near = nearest(column.column, names);
     if (hits > 1)
       problems.add(1, "column '" + column.column + "' appears twice in the header; rename one");
+    else if (column.kind == LogColumn::Kind::scale)
+      problems.add(1, "no column '" + column.column + "'; " + whose + " has: " + join(names) +
+                          "; [log] schedule." + column.field + " names it");
     else
       problems.add(
           1, "no column '" + column.column + "' for " + column.field + "; " + whose + " has: " + join(names) +
@@ -204,12 +249,14 @@ void begin_log(const std::string& path, const LogMap& map, const tiller_model_t&
   log.map = map;
   log.state.resize(model.state_count);
   log.input.resize(model.input_count);
+  log.scale.resize(model.input_count);
 }
 
 std::vector<double>& values_of(Log& log, const LogColumn& column) {
   switch (column.kind) {
     case LogColumn::Kind::state: return log.state[column.index];
     case LogColumn::Kind::input: return log.input[column.index];
+    case LogColumn::Kind::scale: return log.scale[column.index];
     default: return log.time_s;
   }
 }
@@ -219,6 +266,7 @@ bool finish_log(const LogWords& words, const tiller_model_t& model, Log& log, Lo
     log.time_s.push_back(static_cast<double>(i) * log.map.row_s);
   if (problems.none()) merge_stamps(words, log, problems);
   if (problems.none() && !log.undriven && log.rows() > 0) hold_inputs(model, log, problems);
+  if (problems.none() && !log.undriven && !log.scale.empty()) apply_schedules(model, log, problems);
   if (problems.none() && log.rows() < kFewestRows)
     problems.add(1, std::to_string(log.rows()) + " " + words.rows + " are too few to learn from; at least 20");
   if (!problems.none()) return false;

@@ -27,10 +27,11 @@ class LogProblems {
 
 /// One quantity: where the file has it, and what makes SI units of it.
 struct LogColumn {
-  enum class Kind { time, state, input } kind = Kind::time;
+  enum class Kind { time, state, input, scale } kind = Kind::time;
   std::string field, column;  ///< "time", a state or an input; a name of the file's
   double factor = 1, zero = 0;
   std::size_t index = 0;  ///< of the state or the input
+  bool at_inputs() const { return kind == Kind::input || kind == Kind::scale; }
   double si(double value) const { return (value - zero) * factor; }
 };
 
@@ -67,7 +68,7 @@ struct LogWords {
 ///   rows with the same stamp are one where they do not contradict each other (a message that came twice, or columns
 ///   that a logger writes one after the other); stamps that go backwards and contradictions are refused;
 ///   an input holds until its next value ([log] input = "mean": goes on to it in a straight line); what is before the
-///   first value of every input is left out;
+///   first value of every input is left out; [log] schedule multiplies it;
 ///   time begins at 0, and quaternions keep to one sign.
 /// False with the reasons in `problems`: one of these, or fewer than 20 rows.
 bool finish_log(const LogWords& words, const tiller_model_t& model, Log& log, LogProblems& problems);

@@ -5,6 +5,12 @@
 
 namespace tiller::tools {
 
+/// A column in proportion to which an input acts: a supply's voltage, a pump's pressure.
+struct LogSchedule {
+  std::string column;
+  double nominal = 1;  ///< what the column reads where the input acts as commanded
+};
+
 /// How a CSV from elsewhere is read: the robot file's [log] section.
 struct LogMap {
   std::string time = "time_s";                 ///< column of the stamps
@@ -14,6 +20,7 @@ struct LogMap {
   /// row's instant, so the mean of two rows acted in between (a log of torques).
   std::string input = "hold";
   std::map<std::string, double> zeros;  ///< what a column reads, in its unit, where the state or input is 0
+  std::map<std::string, LogSchedule> schedule;  ///< of inputs
   double row_s = 0;                     ///< from row to row, where the logs have no stamps; 0: they have
   bool undriven = false;  ///< nothing drives the robot in the logs: every input is 0, and no column of theirs is read
 };

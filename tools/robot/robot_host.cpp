@@ -228,6 +228,28 @@ void read_sim(FileErrors& errors, const toml::table& root, RobotFile& robot) {
   if (const auto v = section.count("seed")) sim.seed = static_cast<std::uint64_t>(*v);
 }
 
+// schedule = { torque_Nm = { column = "volts", nominal = 12 } }
+void read_schedule(SectionReader& section, FileErrors& errors, const Words& inputs, LogMap& log) {
+  const toml::table* schedules = section.subtable("schedule");
+  if (!schedules) return;
+  for (auto&& [name, node] : *schedules) {
+    const std::string word(name.str()), path = section.path_of("schedule." + word);
+    const toml::table* entry = node.as_table();
+    const auto column = entry ? (*entry)["column"].value<std::string>() : std::nullopt;
+    const auto nominal = entry ? (*entry)["nominal"].value<double>() : std::nullopt;
+    if (index_of(inputs, word) < 0)
+      errors.at(node, path, "is no input of the model", remedy_for_unknown(word, inputs));
+    else if (!column || !nominal || entry->size() != 2)
+      errors.at(node, path, "is not a column with its nominal value",
+                "write " + word +
+                    " = { column = \"volts\", nominal = 12 }: what the column reads where the input acts as commanded");
+    else if (!(*nominal > 0) || !std::isfinite(*nominal))
+      errors.at(node, path, "has the nominal value " + format("%.6g", *nominal), "write a number above 0");
+    else
+      log.schedule[word] = {*column, *nominal};
+  }
+}
+
 void read_log_map(FileErrors& errors, const toml::table& root, RobotFile& robot) {
   const toml::table* table = section_table(errors, root, "log");
   SectionReader section(errors, "log", "log", table);
@@ -267,6 +289,7 @@ void read_log_map(FileErrors& errors, const toml::table& root, RobotFile& robot)
       else
         log.zeros[word] = *node.value<double>();
     }
+  read_schedule(section, errors, robot.names.inputs, log);
   names.emplace_back("time");
   read_words("units", names, log.units);
   for (const auto& [name, unit] : log.units) {

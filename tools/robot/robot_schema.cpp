@@ -358,6 +358,9 @@ const std::vector<KeySpec> kOthers = {
      "{ time, state or input = \"unit\" }, e.g. { angle_rad = \"deg\" }"},
     {"log", "zeros", K::other, "", "0", 0, 0, false, hand, nullptr,
      "{ state or input = number }: what the column reads, in its unit, where the quantity is 0"},
+    {"log", "schedule", K::other, "", "none", 0, 0, false, hand, nullptr,
+     "{ input = { column = \"volts\", nominal = 12 } }: the input acts in proportion to that column, as commanded where "
+     "it reads its nominal value"},
     {"log", "input", K::choice, "", "hold", 0, 0, false, hand,
      [] {
        return Words{"hold", "mean"};
