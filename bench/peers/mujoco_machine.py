@@ -198,16 +198,18 @@ class Machine:
                 out[port] *= 1 + e["gain_error"]
             elif kind == "rate_limit":
                 most = e["rate_SI_s"] * STEP
-                self.slow[port] += min(max(out[port] - self.slow[port], -most), most)
-                out[port] = self.slow[port]
+                change = min(max(out[port] - self.slow[port], -most), most)
+                out[port] = self.slow[port] + 0.5 * change  # the step has the force of its middle
+                self.slow[port] += change
             elif kind == "supply_sag":
                 self.load[port] += (abs(out[port]) - self.load[port]) * -math.expm1(-STEP / e["recovery_s"])
                 out[port] /= 1 + e["droop_per_SI"] * self.load[port]
         return out
 
     def applied(self, forces):
-        """Forces that MuJoCo has not, on the joints."""
-        q, v = self.position(), self.velocity()
+        """Forces that MuJoCo has not, on the joints: constant over a step, so those of its middle."""
+        v = self.velocity()
+        q = [a + 0.5 * STEP * b for a, b in zip(self.position(), v)]
         total = [0.0] * len(q)
         for kind, port, e in self.effects:
             if kind == "constant_offset":

@@ -3,6 +3,7 @@
 // Data with a known gap: a built-in model integrated by RK4 at half a millisecond (not the runtime's stepper), with a
 // force of its own at one joint and commands that are changed on their way.
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <vector>
@@ -26,6 +27,7 @@ struct Synthetic {
   std::uint32_t joint = 0;
   std::function<double(double q, double v, double u, double t)> force;  // at `joint`; empty: none
   std::function<double(double u)> actuator;                             // empty: as commanded
+  double lag_s = 0, rate_limit = 0;                                     // of what acts behind it; 0: none
   double delay_s = 0;
   std::uint32_t delayed = ~0u;  // the inputs that are, bit by bit
   double payload_kg = 0;
@@ -84,13 +86,21 @@ inline Grid simulate(const Synthetic& s, std::uint64_t seed) {
     const double at = s.continuous ? t : std::floor(t / s.period_s + 1e-9) * s.period_s;
     return s.mean + s.amplitude * multisine(at, seed + 7919 * std::uint64_t{input});
   };
+  double acting[TILLER_MAX_INPUTS] = {};  // of drives that follow; at rest at first
+  const auto follow = [&](double t) {  // over half a step: a step has the force of its middle
+    for (std::uint32_t i = 0; i < model.input_count; ++i) {
+      const double ahead = command(i, t) - acting[i], most = 0.5 * h * s.rate_limit;
+      if (s.lag_s > 0) acting[i] -= std::expm1(-0.5 * h / s.lag_s) * ahead;
+      if (s.rate_limit > 0) acting[i] += std::clamp(ahead, -most, most);
+    }
+  };
   const tiller_joint_t& joint = model.joints[s.joint];
   const auto slope = [&](const std::vector<double>& at, double t, std::vector<double>& dx) {
     double u[TILLER_MAX_INPUTS] = {}, f[TILLER_MAX_JOINTS] = {};
     for (std::uint32_t i = 0; i < model.input_count; ++i) {
       const double late = s.delayed >> i & 1u ? s.delay_s : 0.0;
       const double commanded = t < late ? 0.0 : command(i, t - late);
-      u[i] = s.actuator ? s.actuator(commanded) : commanded;
+      u[i] = s.lag_s > 0 || s.rate_limit > 0 ? acting[i] : s.actuator ? s.actuator(commanded) : commanded;
     }
     if (s.force) f[joint.force] = s.force(at[joint.position], at[joint.velocity], u[0], t);
     model.dynamics(at.data(), u, f, &body, s.params.data(), dx.data());
@@ -108,6 +118,7 @@ inline Grid simulate(const Synthetic& s, std::uint64_t seed) {
     for (std::uint32_t i = 0; i < model.input_count; ++i) grid.input[i].push_back(command(i, start));
     for (int n = 0; n < fine; ++n) {
       const double t = start + n * h + 1e-7;  // the command of this period, not of the one before
+      follow(t);
       slope(x, t, k1);
       for (std::size_t i = 0; i < x.size(); ++i) at[i] = x[i] + 0.5 * h * k1[i];
       slope(at, t + 0.5 * h, k2);
@@ -116,6 +127,7 @@ inline Grid simulate(const Synthetic& s, std::uint64_t seed) {
       for (std::size_t i = 0; i < x.size(); ++i) at[i] = x[i] + h * k3[i];
       slope(at, t + 0.99 * h, k4);
       for (std::size_t i = 0; i < x.size(); ++i) x[i] += h / 6 * (k1[i] + 2 * (k2[i] + k3[i]) + k4[i]);
+      follow(t);
     }
     for (std::uint32_t j = 0; j < model.joint_count; ++j)
       x[model.joints[j].velocity] += s.process_sd * std::sqrt(s.period_s) * rng.normal();

@@ -65,28 +65,58 @@ void WindowRollout::follow_path(const Window& w, std::size_t start) {
   }
 }
 
-// The state at `start` of an effect that commands alone move, by all of them that count: a limiter may be seconds
-// behind, a supply takes as long to recover, longer than any run-in.
+// The command that acts in period k, in the mean over the period, where the input's delays take it `late` periods.
+double WindowRollout::command_late(const Window& w, std::size_t k, std::size_t input, double late) const {
+  const auto whole = static_cast<std::size_t>(late);
+  const auto at = [&](std::size_t back) {
+    return k >= back ? command(w, k - back, input) : data_.commands_before[w.grid][input];
+  };
+  const double share = late - static_cast<double>(whole);
+  return at(whole) + (share > 0 ? share * (at(whole + 1) - at(whole)) : 0);
+}
+
+// Periods by which delays of the slot's input move the command, lane by lane.
+void WindowRollout::delay_before(const EffectSlot& slot, double period_s, double* late) const {
+  const StepSetup& setup = hypothesis_->setup;
+  std::fill_n(late, kLanes, 0.0);
+  for (std::uint32_t e = 0; e < setup.effect_count; ++e)
+    if (has_role(setup.effects[e].kind, kDelay) && setup.effects[e].port == slot.port)
+      for (std::uint32_t l = 0; l < kLanes; ++l)
+        late[l] += std::max(0.0, params_[setup.effects[e].param * kLanes + l] / period_s);
+}
+
+// The state at `start` of an effect that commands alone move, by all of them that count: a limiter that never catches up
+// remembers where it began, a lag or a supply forgets no sooner than it follows.
 void WindowRollout::follow_commands(const Window& w, const EffectSlot& slot, std::size_t start) {
   const double period = data_.grids[w.grid].period_s;
-  const auto most = static_cast<std::size_t>(std::lround(kLimiterRunIn_s * data_.grids[w.grid].time_scale / period));
+  const auto steps_of = [&](double seconds) {
+    return static_cast<std::size_t>(std::lround(seconds * data_.grids[w.grid].time_scale / period));
+  };
+  const bool limits = has_role(slot.kind, kLimit), load = has_role(slot.kind, kLoad);
+  const std::size_t least = steps_of(kFollowRunIn_s),
+                    most = limits || load ? std::max(least, std::min(steps_of(kMemoryRunIn_s), kMemoryRunInPeriods))
+                                          : least;
   double* out = effect_states_.data() + slot.state * kLanes;
   const double* params = params_.data() + slot.param * kLanes;
-  const bool limits = has_role(slot.kind, kLimit);
-  std::size_t k = start > most ? start - most : 0;
-  const auto target = [&](double command) { return limits ? command : std::fabs(command); };
-  std::fill_n(out, kLanes, target(k > 0 ? command(w, k, slot.port) : data_.commands_before[w.grid][slot.port]));
-  double keep[kLanes];  // of the distance, over a period
+  const auto target = [&](double command) { return load ? std::fabs(command) : command; };
+  double keep[kLanes], late[kLanes];  // keep: of the distance, over a period
+  const double* time_constant = load ? params + kLanes : params;
   for (std::uint32_t l = 0; l < kLanes; ++l)
-    keep[l] = limits ? 0.0 : std::exp(-period / std::max(params[kLanes + l], 1e-9));
-  for (; k < start; ++k) {
-    const double now = target(command(w, k, slot.port));
+    keep[l] = limits ? 0.0 : std::exp(-period / std::max(time_constant[l], 1e-9));
+  delay_before(slot, period, late);
+  std::size_t k = start > most ? start - most : 0;
+  double first = target(data_.commands_before[w.grid][slot.port]);
+  if (k > 0) {  // unknown: what follows is about the mean of what it follows
+    first = 0;
+    for (std::size_t i = k; i < start; ++i) first += target(command(w, i, slot.port)) / static_cast<double>(start - k);
+  }
+  std::fill_n(out, kLanes, first);
+  for (; k < start; ++k)
     for (std::uint32_t l = 0; l < kLanes; ++l) {
-      const double change = now - out[l];
+      const double change = target(command_late(w, k, slot.port, late[l])) - out[l];
       const double bound = limits && params[l] > 0 ? params[l] * period : std::fabs(change);
       out[l] += (1 - keep[l]) * std::max(-bound, std::min(bound, change));
     }
-  }
 }
 
 // Commands before the window bring the effects' own states to where they are at its start. The path on the way is the
@@ -98,11 +128,7 @@ void WindowRollout::run_in(const Window& w) {
   const std::uint32_t nu = model_.input_count;
   std::fill(effect_states_.begin(), effect_states_.end(), 0.0);
   for (std::uint32_t e = 0; e < setup.effect_count; ++e)
-    if (has_role(setup.effects[e].kind, kLag))
-      std::fill_n(effect_states_.begin() + setup.effects[e].state * kLanes, kLanes,
-                  start > 0 ? command(w, start - 1, setup.effects[e].port)
-                            : data_.commands_before[w.grid][setup.effects[e].port]);
-    else if (has_role(setup.effects[e].kind, kFollows | kLoad))
+    if (has_role(setup.effects[e].kind, kFollows | kLoad))
       follow_commands(w, setup.effects[e], start);
     else if (has_role(setup.effects[e].kind, kClock))
       std::fill_n(effect_states_.begin() + setup.effects[e].state * kLanes, kLanes,

@@ -28,6 +28,8 @@ class WindowRollout {
  private:
   double command(const Window& window, std::size_t point, std::size_t input) const;
   const double* history(const Window& window, std::size_t start);
+  double command_late(const Window& window, std::size_t point, std::size_t input, double late) const;
+  void delay_before(const EffectSlot& slot, double period_s, double* late) const;
   void follow_commands(const Window& window, const EffectSlot& slot, std::size_t start);
   void run_in(const Window& window);
   std::size_t path_steps(const Window& window) const;

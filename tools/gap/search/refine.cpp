@@ -52,7 +52,10 @@ void polish(Session& s, Candidate& entry) {
         s.shooting->fit(entry.hypothesis, s.screen, quick, fit);
         if (!fit.finite || fit.total() > kPolishAgain * now) continue;
         s.shooting->fit(entry.hypothesis, s.work, {}, fit);
-        if (fit.finite && fit.total() < entry.fit.total() - 2) entry.fit = fit;
+        // a ripple of twice the period that is all second harmonic is one of this period
+        const bool shorter =
+            info.params[i].scale == Scale::spatial_period && value < entry.fit.params[at + static_cast<std::size_t>(i)];
+        if (fit.finite && fit.total() < entry.fit.total() + (shorter ? 2 : -2)) entry.fit = fit;
       }
     at += static_cast<std::size_t>(info.param_count);
   }
