@@ -14,12 +14,12 @@ std::size_t windows_of(const Hypothesis& h, const Fit& fit) {
 
 }  // namespace
 
-std::vector<double> deviations(const Hypothesis& h, const Fit& fit, double dispersion) {
-  const Eigen::VectorXd sd = covariance(h, fit, dispersion).diagonal().cwiseSqrt();
+std::vector<double> deviations(const Hypothesis& h, const Fit& fit) {
+  const Eigen::VectorXd sd = covariance(h, fit).diagonal().cwiseSqrt();
   return {sd.data(), sd.data() + sd.size()};
 }
 
-Eigen::MatrixXd covariance(const Hypothesis& h, const Fit& fit, double dispersion) {
+Eigen::MatrixXd covariance(const Hypothesis& h, const Fit& fit) {
   const auto nf = static_cast<Eigen::Index>(h.free.size());
   const std::size_t n = windows_of(h, fit);
   if (fit.information.size() != static_cast<std::size_t>(nf * nf) || nf == 0) return Eigen::MatrixXd::Zero(nf, nf);
@@ -42,7 +42,7 @@ Eigen::MatrixXd covariance(const Hypothesis& h, const Fit& fit, double dispersio
   Eigen::VectorXd wider(nf);  // than Gauss and Newton's
   for (Eigen::Index i = 0; i < nf; ++i) {
     const double gauss = std::max(1e-300, inverse(i, i)),
-                 sd = std::max({0.0, inverse(i, i) * dispersion, sandwich(i, i)});
+                 sd = std::max({0.0, inverse(i, i) * fit.dispersion, sandwich(i, i)});
     wider(i) = std::sqrt(sd / gauss) * d(i);
   }
   return wider.asDiagonal() * inverse * wider.asDiagonal();

@@ -19,6 +19,7 @@ struct Fit {
   /// (free x free) of half the cost over the free parameters, start states eliminated, priors included; at the last
   /// linearisation. slopes: (windows fitted x free), the windows' own gradients there.
   std::vector<double> information, slopes;
+  double dispersion = 1;  ///< of the residuals that the information was taken from: their variance, correlation counted
   int iterations = 0;
   bool finite = false;
   double total() const { return data_cost + penalty; }
@@ -52,7 +53,7 @@ class Shooting {
   Fit begin(const Hypothesis& hypothesis, const std::vector<double>& params, const Fit* warm) const;
   /// Fits to the windows `which` (indices). Whitening must have been prepared.
   void fit(const Hypothesis& hypothesis, const std::vector<std::size_t>& which, const FitSettings& settings, Fit& fit);
-  /// Whitened along the paths of `fit`.
+  /// Whitens by `nominal` along the paths of `fit`.
   void prepare_whitening(const Hypothesis& nominal, const Fit& fit);
   /// Predicted measurements of a window (points * ny, lane 0 of 16) from the fit's start state.
   const double* predict(const Hypothesis& hypothesis, const Fit& fit, std::size_t index);
@@ -75,6 +76,8 @@ class Shooting {
   }
   /// (lanes x lanes) of the responses' products, then (lanes) with the residual; until the next response.
   const double* response_products() const { return products_.data(); }
+  /// False: weights are the sensors' alone, the same for every model.
+  bool weights_have_models() const { return whitening_.has_process(); }
   std::size_t values(std::size_t index) const { return whitening_.values(index); }
   /// On the heap, for `windows` windows of up to `points` points: taken by the constructor, fixed from then on.
   static std::size_t bytes_for(const tiller_config_t& config, std::size_t windows, std::size_t points,

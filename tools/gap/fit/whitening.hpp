@@ -23,6 +23,7 @@ class Whitening {
   void apply(std::size_t index, const Window& window, double* rows) const;
   /// Measurements that are there, in the window.
   std::size_t values(std::size_t index) const { return values_[index]; }
+  bool has_process() const { return process_; }
   static std::size_t bytes_for(const tiller_config_t& config, std::size_t windows, std::size_t points);
 
  private:

@@ -38,7 +38,7 @@ class Differences {
       else if (information(i, i) > 0)
         gone_.push_back(f);
     }
-    covariance_ = covariance(e.hypothesis, e.fit, s.dispersion);
+    covariance_ = covariance(e.hypothesis, e.fit);
     const auto ng = static_cast<Eigen::Index>(gone_.size()), ns = static_cast<Eigen::Index>(stay_.size());
     Eigen::MatrixXd own(ng, ng), cross(ng, ns);
     for (Eigen::Index r = 0; r < ng; ++r) {
@@ -72,7 +72,7 @@ class Differences {
         c.before -= share * (e_.fit.params[i] - before_.mean[i]);
         slope(static_cast<Eigen::Index>(stay_[u])) = share;
       }
-      variance = alone_(row, row) * s_.dispersion;
+      variance = alone_(row, row) * e_.fit.dispersion;
     }
     variance += slope.dot(covariance_ * slope);
     c.after = e_.fit.params[param];
@@ -101,7 +101,7 @@ class Differences {
 
 // Parameters of new effects; before they were not there.
 void add_new_effects(const Session& s, const Candidate& e, std::vector<Change>& changes) {
-  const std::vector<double> sd = deviations(e.hypothesis, e.fit, s.dispersion);
+  const std::vector<double> sd = deviations(e.hypothesis, e.fit);
   const double reach = interval_factor(e.hypothesis, e.fit);
   std::uint32_t at = s.config.param_count;
   for (const EffectAt& effect : e.effects()) {
@@ -286,7 +286,7 @@ bool same_quantities(const tiller_config_t& config, const std::vector<EffectAt>&
   });
 }
 
-ModelFit model_fit(const Candidate& e, double dispersion, double sigma) {
+ModelFit model_fit(const Candidate& e, double sigma) {
   ModelFit m;
   const std::size_t np = e.fit.params.size(), nf = e.hypothesis.free.size();
   m.mean = e.fit.params;
@@ -294,10 +294,10 @@ ModelFit model_fit(const Candidate& e, double dispersion, double sigma) {
   m.information.assign(np * np, 0.0);
   m.sigma = std::max(1.0, sigma);
   if (nf == 0 || e.fit.information.size() != nf * nf) return m;
-  const std::vector<double> sd = deviations(e.hypothesis, e.fit, dispersion);
+  const std::vector<double> sd = deviations(e.hypothesis, e.fit);
   Candidate plain = e;
   plain.fit.slopes.clear();  // Gauss and Newton's alone
-  const std::vector<double> least = deviations(plain.hypothesis, plain.fit, dispersion);
+  const std::vector<double> least = deviations(plain.hypothesis, plain.fit);
   double wider = 1;
   for (std::size_t f = 0; f < nf; ++f)
     if (least[f] > 0) wider = std::max(wider, sd[f] * sd[f] / (least[f] * least[f]));

@@ -26,6 +26,6 @@ std::string change_sentence(const Session& session, const Result& result);
 bool same_quantities(const tiller_config_t& config, const std::vector<EffectAt>& a, const std::vector<EffectAt>& b);
 
 /// The fit of a candidate that has its information, for a search that begins where these logs end.
-ModelFit model_fit(const Candidate& entry, double dispersion, double sigma);
+ModelFit model_fit(const Candidate& entry, double sigma);
 
 }  // namespace tiller::tools::gap

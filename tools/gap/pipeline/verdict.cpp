@@ -54,8 +54,8 @@ std::vector<Estimate> estimates(const Session& s, const Candidate& e, const Cand
     }
   }
   for (std::size_t i = 0; i < list.size(); ++i) list[i].mean = list[i].low = list[i].high = e.fit.params[i];
-  const std::vector<double> sd = deviations(e.hypothesis, e.fit, s.dispersion),
-                            before = deviations(nominal.hypothesis, nominal.fit, s.dispersion);
+  const std::vector<double> sd = deviations(e.hypothesis, e.fit),
+                            before = deviations(nominal.hypothesis, nominal.fit);
   const double reach = interval_factor(e.hypothesis, e.fit);
   const std::vector<PriorEdge> edges = prior_edges(e.hypothesis, e.fit, sd, param_names),
                                held = prior_edges(nominal.hypothesis, nominal.fit, before, param_names);
@@ -148,6 +148,28 @@ Explanation explanation_of(Session& s, const SearchResult& found, std::size_t i,
   return x;
 }
 
+void widen(const Explanation& other, Estimate& p) {
+  for (const Estimate& q : other.params) {
+    if (q.name != p.name) continue;
+    p.low = std::min(p.low, q.low);
+    p.high = std::max(p.high, q.high);
+  }
+}
+
+// Intervals of the best that hold whichever of the sets that cannot be told apart is true: a gain of which the data say
+// little beside a lag moves a wheelbase by more than its deviation.
+void widen_over(const SearchResult& found, std::vector<std::size_t> set, Result& result) {
+  set.insert(set.end(), found.beside.begin(), found.beside.end());
+  for (Estimate& p : result.ranking.front().params) {
+    const double half = 0.5 * (p.high - p.low);
+    if (p.fixed || !(half > 0)) continue;
+    for (const Explanation& x : result.ranking)
+      if (std::any_of(set.begin(), set.end(), [&](std::size_t i) { return found.entries[i].effects() == x.effects; }))
+        widen(x, p);
+    p.sd *= std::max({half, p.high - p.mean, p.mean - p.low}) / half;
+  }
+}
+
 void rank_explanations(Session& s, const SearchResult& found, const std::vector<std::string>& param_names,
                        Result& result) {
   for (const std::size_t i : ranked(s, found)) {
@@ -156,6 +178,7 @@ void rank_explanations(Session& s, const SearchResult& found, const std::vector<
     if (rival) result.ambiguity.push_back(result.ranking.size());
     result.ranking.push_back(explanation_of(s, found, i, rival, param_names));
   }
+  if (!s.options.before) widen_over(found, found.ambiguity, result);
 }
 
 // What the verdict's sentence is made of.
@@ -374,7 +397,7 @@ void say_verdict(const Answer& answer, Result& result) {
   if (found.best == 0) return say_nothing_found(answer, result);
   if (!found.beside.empty()) {
     Words sets;
-    for (const std::vector<EffectAt>& set : found.beside) sets.push_back(effects_text(set, s.config));
+    for (const std::size_t i : found.beside) sets.push_back(effects_text(found.entries[i].effects(), s.config));
     result.notes.push_back("Something small acts beside it that the data do not tell: " + join(sets, "; or ") + ".");
   }
   if (changes_nothing(answer, result)) return say_too_small(answer, result);

@@ -18,7 +18,8 @@ bool is_undetermined(Session& s, Candidate& e) {
   FitSettings last;
   last.information = true;
   s.shooting->fit(e.hypothesis, s.work, last, e.fit);
-  const std::vector<double> sd = deviations(e.hypothesis, e.fit, s.dispersion);
+  e.fit.dispersion = s.dispersion;
+  const std::vector<double> sd = deviations(e.hypothesis, e.fit);
   for (std::size_t f = 0; f < sd.size(); ++f) {
     const FreeParam& free = e.hypothesis.free[f];
     if (free.index >= e.hypothesis.own_params && !(sd[f] < std::fabs(e.fit.params[free.index]))) return true;
@@ -180,7 +181,7 @@ struct Confirmer {
     for (std::size_t i = 1; i < found.entries.size() && !common.empty(); ++i) {
       if (!same_set(found.entries[i].effects(), common) || common.size() == best().effects().size()) continue;
       if (share_of_gap(s, found.entries[0], best(), found.entries[i]) > kRivalShare) return;
-      for (const std::size_t member : found.ambiguity) found.beside.push_back(found.entries[member].effects());
+      found.beside = found.ambiguity;
       found.best = i;
       find_rivals(s, found);
       return;

@@ -112,13 +112,13 @@ Comparison compare_on(const Session& s, const std::vector<std::size_t>& which, c
   return c;
 }
 
-double dispersion_of(Session& s, const Candidate& entry) {
+double dispersion_of(Session& s, const Hypothesis& h, const Fit& fit) {
   constexpr int kLags = 20;
   const std::uint32_t ny = s.config.measurement_count;
   double at[kLags + 1] = {}, count = 0;
   std::vector<double> r;
   for (const std::size_t w : s.work) {
-    s.shooting->residuals(entry.hypothesis, entry.fit, w, r);
+    s.shooting->residuals(h, fit, w, r);
     const std::size_t points = r.size() / ny;
     for (std::uint32_t i = 0; i < ny; ++i)
       for (std::size_t k = 0; k < points; ++k) {

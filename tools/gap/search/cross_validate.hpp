@@ -29,7 +29,7 @@ Comparison compare_on(const Session& session, const std::vector<std::size_t>& wh
                       const std::vector<double>& cost_b, double ahead_nats = 0);
 
 /// Variance of an entry's whitened residuals with their serial correlation over the working windows; at least 1.
-double dispersion_of(Session& session, const Candidate& entry);
+double dispersion_of(Session& session, const Hypothesis& hypothesis, const Fit& fit);
 
 /// Root mean square difference of what two entries predict in the working windows, whitened.
 double difference_sigma(Session& session, const Candidate& a, const Candidate& b);

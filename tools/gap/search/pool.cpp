@@ -129,14 +129,15 @@ void Pool::decide_near() {
   std::size_t first = 0;
   for (std::size_t i = 1; i < entries.size(); ++i)
     if (entries[i].fit.total() < entries[first].fit.total()) first = i;
-  if (first != 0) session_.dispersion = dispersion_of(session_, entries[first]);
+  if (first != 0) session_.dispersion = dispersion_of(session_, entries[first].hypothesis, entries[first].fit);
   for (Candidate& e : entries) {
     if (e.decided || session_.stopped() || e.fit.total() > e.enough) continue;
     if (e.fit.total() - entries[first].fit.total() > 2 * kBehind_nats * session_.dispersion) continue;
     if (!e.full) fit_fully(session_, e);
     if (e.fit.finite) cross_validate(session_, e);
   }
-  session_.dispersion = dispersion_of(session_, entries[leader(SIZE_MAX)]);
+  const Candidate& ahead = entries[leader(SIZE_MAX)];
+  session_.dispersion = dispersion_of(session_, ahead.hypothesis, ahead.fit);
 }
 
 std::size_t Pool::without(std::size_t index, std::size_t member) {

@@ -119,7 +119,7 @@ void Searcher::take_given() {
   if (whole.empty()) return;
   best_ = whole[0];
   pool_.settle(best_);
-  s_.dispersion = dispersion_of(s_, pool_.entries[best_]);
+  s_.dispersion = dispersion_of(s_, pool_.entries[best_].hypothesis, pool_.entries[best_].fit);
   ambiguity_.assign(1, best_);
 }
 
