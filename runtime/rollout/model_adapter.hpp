@@ -58,6 +58,25 @@ TILLER_INLINE auto& element(Fields& f, int i) {
   }
 }
 
+/// Bit i: state i is neither a joint's position nor its velocity, but may follow from the velocities.
+constexpr std::uint32_t states_of_no_joint(const tiller_joint_t* joints, int count, int states) {
+  std::uint32_t mask = ~std::uint32_t{0} >> (TILLER_MAX_STATES - states);
+  for (int j = 0; j < count; ++j) {
+    mask &= ~(1u << joints[j].velocity);
+    if (joints[j].position != TILLER_NO_POSITION) mask &= ~(1u << joints[j].position);
+  }
+  return mask;
+}
+template <class M, int kStates, bool kJoints>
+struct OthersOf {
+  static constexpr std::uint32_t mask = 0;
+};
+template <class M, int kStates>
+struct OthersOf<M, kStates, true> {
+  static constexpr std::uint32_t mask =
+      states_of_no_joint(M::joints, static_cast<int>(sizeof(M::joints) / sizeof(M::joints[0])), kStates);
+};
+
 /// Whether quaternions lie within the states, apart from each other and from the angles.
 constexpr bool quaternions_fit(std::uint32_t quaternions, std::uint32_t states, std::uint32_t angles) {
   std::uint64_t taken = angles;
@@ -125,6 +144,10 @@ struct StaticModel {
   static constexpr bool kMaySlip = kForces == 0;
   static_assert(quaternions_fit(kQuaternions, kStates, AnglesOf<M<double>>::mask),
                 "quaternions: bit i says that states i to i + 3 are one, and none of them an angle");
+
+  static constexpr std::uint32_t kOthers = OthersOf<M<double>, kStates, (kForces > 0)>::mask;
+  static constexpr bool kMayHaveOthers = kOthers != 0;
+  static constexpr std::uint32_t others() { return kOthers; }
 
   template <int I>
   static constexpr bool is_angle(Index<I>) {
@@ -357,7 +380,8 @@ struct TableModel {
   int ny() const { return static_cast<int>(table->output_count); }
   int joints() const { return nf(); }
   bool is_angle(int i) const { return (table->angle_mask >> i) & 1u; }
-  static constexpr bool kMayTurn = true, kMaySlip = true;
+  static constexpr bool kMayTurn = true, kMaySlip = true, kMayHaveOthers = true;
+  std::uint32_t others() const { return nf() > 0 ? states_of_no_joint(table->joints, nf(), nx()) : 0u; }
   std::uint32_t quaternions() const { return table->quaternion_mask; }
   template <class S>
   S* position(State<S>& x, int j) const {

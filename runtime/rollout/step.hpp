@@ -9,7 +9,8 @@
 //      b. force effects add to the generalised forces, then what was learnt of all joints together
 //      c. the integrator takes the free step, and quaternions come back to unit length
 //      d. effects act on the free step's velocities, implicitly, one after the other: more inertia, servos, the drive
-//         train, what is elastic, what dissipates; where several joints dissipate, sweep after sweep until they agree
+//         train, what is elastic, what dissipates; where several joints dissipate, sweep after sweep until they agree;
+//         states that are no joint's follow
 //   3. slips that a planner expects
 // The forces of d. are split off because they are stiff: solved for the velocity at the end of the step it is stable
 // at any step and can stop a joint exactly. The splitting is second order in the substep where the force is smooth.
@@ -556,6 +557,35 @@ struct Stepper {
     }
   }
 
+  /// States that are no joint's, such as the force of a spring behind a joint or the place of a vehicle, with what the
+  /// step did to the velocities: the mean of the rates before and after, as positions have it. free: the end of the free
+  /// step.
+  template <int kCount, int kSets>
+  __attribute__((noinline)) void carry_others(const State* free, Trajectory<Model, S>* t, const Input* u, const Force* f,
+                                              const Parameters<Model, S>* p, const Body<S>* bodies,
+                                              const PartOfAll<Model, S>& part) const {
+    const std::uint32_t others = model.others();
+    if (others == 0) return;
+    for (int r = 0; r < kCount; ++r) {
+      const Length<S>& step = part[r].step;
+      const S share = S(setup.integrator == tiller_integrator_semi_implicit_euler ? step.h : step.half);
+      const auto& params = p[kSets == 1 ? 0 : r].model;
+      const Body<S>& acting = bodies[kSets == 1 ? 0 : r];
+      State before = t[r].x, end = free[r];
+      each(model.joints(), [&](auto j) {
+        model.template velocity<S>(before, j) = model.template velocity<S>(end, j);
+      });
+      const State now = model.template dynamics<S>(t[r].x, u[r], f[r], acting, params),
+                  was = model.template dynamics<S>(before, u[r], f[r], acting, params);
+      each(model.nx(), [&](auto i) {
+        if (!((others >> static_cast<int>(i)) & 1u)) return;
+        const S change = share * (now[i] - was[i]);
+        t[r].x[i] = t[r].x[i] + change;
+        if constexpr (kTracks) (*moved)[i] = (*moved)[i] + change;
+      });
+    }
+  }
+
   template <int kCount, int kSets, tiller_integrator_t kIntegrator>
   TILLER_INLINE void free_steps(State* begin, Trajectory<Model, S>* t, const Input* u, const Force* f,
                                 const Parameters<Model, S>* p, const Body<S>* bodies,
@@ -598,10 +628,14 @@ struct Stepper {
     for (int r = 0; serving && r < kCount; ++r) take_goals(u[r], goals[r], p[kSets == 1 ? 0 : r]);
     free(begin, u, f);
     if (reacting == 0) return;
+    constexpr bool kCarries = Model::kMayHaveOthers;
+    [[maybe_unused]] State end[kCarries ? kCount : 1];
+    for (int r = 0; kCarries && r < kCount; ++r) end[r] = t[r].x;
     Response response[kCount];
     run_stage([&]() TILLER_INLINED { respond<kCount, kSets>(response, begin, t, u, f, p, bodies); });
     run_stage([&]() TILLER_INLINED { weigh_down<kCount, kSets>(begin, t, response, p, part); });
     run_stage([&]() TILLER_INLINED { react<kCount, kSets>(begin, t, u, goals, response, p, part); });
+    if constexpr (kCarries) carry_others<kCount, kSets>(end, t, u, f, p, bodies, part);
   }
   template <int kCount, int kSets>
   TILLER_INLINE void substep_all(Trajectory<Model, S>* t, Input* u, const Parameters<Model, S>* p,

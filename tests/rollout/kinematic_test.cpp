@@ -6,6 +6,7 @@
 #include <memory>
 #include <vector>
 
+#include "batch.hpp"
 #include "kinematic_models.hpp"
 #include "tiller/config.hpp"
 #include "tiller/model.hpp"
@@ -187,6 +188,29 @@ TEST(Kinematic, AControllerLearnsTheGainsAndArrives) {
       EXPECT_NEAR(info.param_mean[i], gain[i], 4 * info.param_sd[i]) << "planner " << planner;
       EXPECT_LT(info.param_sd[i], 0.5 * 0.4 / std::sqrt(12.0)) << "half of the prior's deviation";
     }
+  }
+}
+
+// Friction of 10 N against a drive of 10 N: the speed stays at 1 m/s, and the place goes with it. With the speeds of the
+// free steps alone it would be ahead by half a step's change of them, 20 mm/s.
+TEST(OtherStates, FollowTheVelocitiesThatEffectsChange) {
+  constexpr std::uint32_t kPeriods = 50;
+  constexpr double kDrive_N = 10, kHeading_rad = 0.7, kTime_s = kPeriods * 0.02;
+  tiller_model_t in_c = *test::heavy_unicycle();
+  in_c.kernels = nullptr;
+  for (const tiller_model_t* model : {test::heavy_unicycle(), static_cast<const tiller_model_t*>(&in_c)}) {
+    tiller::Config config = plain_config(model);
+    add_effect(config, tiller_effect_coulomb_friction, 0);
+    Batch<double> b(config, kLanes, kPeriods);
+    const double start[] = {0, 0, kHeading_rad, 1.0};
+    b.set_param(0, 5.0);
+    b.set_param(1, kDrive_N);
+    for (std::uint32_t i = 0; i < 4; ++i) std::fill_n(b.state.begin() + i * kLanes, kLanes, start[i]);
+    for (std::size_t i = 0; i < b.controls.size(); ++i) b.controls[i] = (i / kLanes) % 2 == 0 ? kDrive_N : 0;
+    b.run(*model, select_rollout(*model));
+    EXPECT_NEAR(b.final_state[0], std::cos(kHeading_rad) * kTime_s, 1e-12);
+    EXPECT_NEAR(b.final_state[kLanes], std::sin(kHeading_rad) * kTime_s, 1e-12);
+    EXPECT_NEAR(b.final_state[3 * kLanes], 1.0, 1e-12);
   }
 }
 
