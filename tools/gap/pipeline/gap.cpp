@@ -210,7 +210,7 @@ Result find_gap_on(const tiller_config_t& as_told, const std::vector<std::string
   for (Grid& grid : hold_out) work.push_back(std::move(grid));
   const double scale = measure_time_scale(config, work);
   for (Grid& grid : work) grid.time_scale = scale;
-  const Config fine = with_fine_steps(config, scale);
+  const Config fine = work.empty() ? config : with_fine_steps(config, work.front());
   Session s{fine, config.substeps, options, make_window_data(std::move(work), config), scale};
   s.windows = make_windows(s.data, config, kWindow_s, 0, own);
   split_windows(s.windows, hold_out.empty() ? kTestShare : 0.0);

@@ -10,6 +10,7 @@ namespace tiller::tools::gap {
 // ---- windows -------------------------------------------------------------------------------------
 constexpr double kWindow_s = 1.0;           // what is fitted: long enough to see friction, short enough to stay on path
 constexpr double kSubstep_s = 0.0025;       // of the integrator at most: friction is split off the free step
+constexpr double kSubstepRate = 0.15;       // of the fastest motion that a step takes where a state is behind a joint
 constexpr double kRunIn_s = 0.25;           // commands that drive trains and delays see before a window
 constexpr double kPathRunIn_s = 1.0;        // of bristles and play, along the measured path
 constexpr double kFollowRunIn_s = 5.0;      // of lags, by commands alone: five of the largest time constants
