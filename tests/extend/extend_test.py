@@ -120,7 +120,7 @@ bool read_dummy_format(const std::string& path, const RobotFile& robot, const st
   std::ifstream file(path);
   std::string first;
   std::getline(file, first);
-  return read_csv_log(file, path, robot.log, *robot.model, measured, log, error);
+  return read_csv_log(file, path, robot.log, *robot.config.model, measured, log, error);
 }
 }  // namespace tiller::tools
 """

@@ -236,17 +236,17 @@ void read_schedule(SectionReader& section, FileErrors& errors, const Words& inpu
     const std::string word(name.str()), path = section.path_of("schedule." + word);
     const toml::table* entry = node.as_table();
     const auto column = entry ? (*entry)["column"].value<std::string>() : std::nullopt;
-    const auto nominal = entry ? (*entry)["nominal"].value<double>() : std::nullopt;
+    const double nominal = entry ? (*entry)["nominal"].value_or<double>(NAN) : NAN;
     if (index_of(inputs, word) < 0)
       errors.at(node, path, "is no input of the model", remedy_for_unknown(word, inputs));
-    else if (!column || !nominal || entry->size() != 2)
+    else if (!column || std::isnan(nominal) || entry->size() != 2)
       errors.at(node, path, "is not a column with its nominal value",
                 "write " + word +
                     " = { column = \"volts\", nominal = 12 }: what the column reads where the input acts as commanded");
-    else if (!(*nominal > 0) || !std::isfinite(*nominal))
-      errors.at(node, path, "has the nominal value " + format("%.6g", *nominal), "write a number above 0");
+    else if (!(nominal > 0) || !std::isfinite(nominal))
+      errors.at(node, path, "has the nominal value " + format("%.6g", nominal), "write a number above 0");
     else
-      log.schedule[word] = {*column, *nominal};
+      log.schedule[word] = {*column, nominal};
   }
 }
 
