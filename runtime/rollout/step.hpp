@@ -558,11 +558,11 @@ struct Stepper {
   }
 
   /// States that are no joint's, such as the force of a spring behind a joint or the place of a vehicle, with what the
-  /// step did to the velocities: the mean of the rates before and after, as positions have it. free: the end of the free
-  /// step.
+  /// step did to the velocities: the mean of the rates before and after, as positions have it. free: the free step's
+  /// end. Cost: two evaluations of the dynamics.
   template <int kCount, int kSets>
-  __attribute__((noinline)) void carry_others(const State* free, Trajectory<Model, S>* t, const Input* u, const Force* f,
-                                              const Parameters<Model, S>* p, const Body<S>* bodies,
+  __attribute__((noinline)) void carry_others(const State* free, Trajectory<Model, S>* t, const Input* u,
+                                              const Force* f, const Parameters<Model, S>* p, const Body<S>* bodies,
                                               const PartOfAll<Model, S>& part) const {
     const std::uint32_t others = model.others();
     if (others == 0) return;
@@ -572,9 +572,7 @@ struct Stepper {
       const auto& params = p[kSets == 1 ? 0 : r].model;
       const Body<S>& acting = bodies[kSets == 1 ? 0 : r];
       State before = t[r].x, end = free[r];
-      each(model.joints(), [&](auto j) {
-        model.template velocity<S>(before, j) = model.template velocity<S>(end, j);
-      });
+      each(model.joints(), [&](auto j) { model.template velocity<S>(before, j) = model.template velocity<S>(end, j); });
       const State now = model.template dynamics<S>(t[r].x, u[r], f[r], acting, params),
                   was = model.template dynamics<S>(before, u[r], f[r], acting, params);
       each(model.nx(), [&](auto i) {

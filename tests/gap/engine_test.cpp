@@ -20,17 +20,6 @@ Synthetic pendulum(double noise_sd) {
   return s;
 }
 
-// Whichever of the sets that cannot be told apart is true, the intervals that are told hold.
-void expect_intervals_over_the_set(const Result& r) {
-  for (const std::size_t i : r.ambiguity)
-    for (const Estimate& p : r.ranking.front().params)
-      for (const Estimate& q : r.ranking[i].params) {
-        if (q.name != p.name) continue;
-        EXPECT_LE(p.low, q.low) << p.name;
-        EXPECT_GE(p.high, q.high) << p.name;
-      }
-}
-
 Result run(const Synthetic& s, std::uint64_t seed, std::uint32_t max_effects = 2, const Synthetic* kept = nullptr) {
   tiller::Config config = synthetic_config(s);
   const double mass = s.params[0];
@@ -44,7 +33,6 @@ Result run(const Synthetic& s, std::uint64_t seed, std::uint32_t max_effects = 2
   const Result result = find_gap_on(config, names, simulate_logs(s, 6, seed),
                                     kept ? simulate_logs(*kept, 4, seed + 50) : std::vector<Grid>(), options);
   std::printf("   %s\n", result.sentence.c_str());
-  expect_intervals_over_the_set(result);
   return result;
 }
 
@@ -89,29 +77,38 @@ TEST(Engine, NamesADelayBelowAPeriod) {
   EXPECT_LT(r.remaining_sigma, 1.05);
 }
 
-// A window begins with a drive that is on its way: behind by what the commands of a second ago still do, or of the whole
-// log where a limit never catches up.
+// A window begins with a drive that is on its way: behind by what the commands of a second ago still do, or of the
+// whole log where a limit never catches up.
 TEST(Engine, KnowsWhereSlowDrivesStandAtAWindowsStart) {
-  Synthetic s = pendulum(3e-4);
-  s.lag_s = 0.2;
-  const Result lag = run(s, 100031);
-  EXPECT_EQ(lag.verdict, Verdict::named);
-  EXPECT_EQ(names_of(lag), Names{"actuator_lag"});
-  const Estimate& time_constant = lag.ranking.front().params.back();
-  EXPECT_NEAR(time_constant.mean, 0.2, 4 * time_constant.sd);
-  EXPECT_NEAR(time_constant.mean, 0.2, 0.002);
-  EXPECT_LT(lag.remaining_sigma, 1.05);
+  const auto expect_found = [](const Result& r, const char* effect, double value) {
+    EXPECT_EQ(r.verdict, Verdict::named);
+    EXPECT_EQ(names_of(r), Names{effect});
+    const Estimate& found = r.ranking.front().params.back();
+    EXPECT_NEAR(found.mean, value, 4 * found.sd);
+    EXPECT_NEAR(found.mean, value, 0.01 * value);
+    EXPECT_LT(r.remaining_sigma, 1.05);
+  };
+  Synthetic lag = pendulum(3e-4), limit = lag;
+  lag.lag_s = 0.2;
+  limit.rate_limit = 1.5;
+  limit.seconds = 16;
+  expect_found(run(lag, 100031), "actuator_lag", 0.2);
+  expect_found(run(limit, 100032), "rate_limit", 1.5);
+}
 
-  s.lag_s = 0;
-  s.rate_limit = 1.5;
-  s.seconds = 16;
-  const Result limit = run(s, 100032);
-  EXPECT_EQ(limit.verdict, Verdict::named);
-  EXPECT_EQ(names_of(limit), Names{"rate_limit"});
-  const Estimate& rate = limit.ranking.front().params.back();
-  EXPECT_NEAR(rate.mean, 1.5, 4 * rate.sd);
-  EXPECT_NEAR(rate.mean, 1.5, 0.015);
-  EXPECT_LT(limit.remaining_sigma, 1.05);
+// A lag of 4 ms and a delay of 4 ms leave the same motion at this noise, and not quite the same mass: whichever of them
+// it is, the interval holds.
+TEST(Engine, TellsIntervalsThatHoldForAllThatStays) {
+  Synthetic s = pendulum(2e-3);
+  s.lag_s = 0.004;
+  const Result r = run(s, 100033);
+  ASSERT_GT(r.ambiguity.size(), 1u);
+  const Estimate& mass = r.ranking.front().params[0];
+  for (const std::size_t i : r.ambiguity) {
+    const Estimate& other = r.ranking[i].params[0];
+    EXPECT_LE(mass.low, other.low);
+    EXPECT_GE(mass.high, other.high);
+  }
 }
 
 // A bus that is late for both motors of an arm is one number; one motor's delay is that motor's.
@@ -366,8 +363,8 @@ TEST(Engine, SaysWhichParametersNoMotionTells) {
   EXPECT_EQ(notes().find("The logs"), std::string::npos);
 }
 
-// Process noise that friction damps dies out: by the weights of the model that lacks the friction it would grow, and the
-// estimate's deviation comes as 0.0068 in the mean of these logs.
+// Process noise that friction damps dies out: by the weights of the model that lacks the friction it would grow, and
+// the estimate's deviation comes as 0.0068 in the mean of these logs.
 TEST(Engine, WeighsEstimatesByTheModelThatTheyBelongTo) {
   Synthetic s = pendulum(1e-3);
   s.process_sd = 0.3;

@@ -27,7 +27,7 @@ struct Synthetic {
   std::uint32_t joint = 0;
   std::function<double(double q, double v, double u, double t)> force;  // at `joint`; empty: none
   std::function<double(double u)> actuator;                             // empty: as commanded
-  double lag_s = 0, rate_limit = 0;                                     // of what acts behind it; 0: none
+  double lag_s = 0, rate_limit = 0;  // of the drive, in the place of `actuator` and `delay_s`; 0: none
   double delay_s = 0;
   std::uint32_t delayed = ~0u;  // the inputs that are, bit by bit
   double payload_kg = 0;
@@ -87,7 +87,7 @@ inline Grid simulate(const Synthetic& s, std::uint64_t seed) {
     return s.mean + s.amplitude * multisine(at, seed + 7919 * std::uint64_t{input});
   };
   double acting[TILLER_MAX_INPUTS] = {};  // of drives that follow; at rest at first
-  const auto follow = [&](double t) {  // over half a step: a step has the force of its middle
+  const auto follow = [&](double t) {     // over half a step: a step has the force of its middle
     for (std::uint32_t i = 0; i < model.input_count; ++i) {
       const double ahead = command(i, t) - acting[i], most = 0.5 * h * s.rate_limit;
       if (s.lag_s > 0) acting[i] -= std::expm1(-0.5 * h / s.lag_s) * ahead;

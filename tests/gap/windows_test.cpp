@@ -3,6 +3,7 @@
 
 #include "tests/gap/synthetic.hpp"
 #include "tiller/config.hpp"
+#include "tools/gap/fit/fine_steps.hpp"
 #include "tools/gap/fit/windows.hpp"
 
 namespace tiller::tools::gap {
@@ -92,6 +93,39 @@ TEST(Windows, AVehicleRestsWhileItsPlaceDoes) {
     EXPECT_EQ(data.commands_before[0][0], first_m_s == 0 ? 0.0 : 4.0);
     EXPECT_EQ(make_windows(data, config, 1.0, 0, 1).size(), first_m_s == 0 ? 3u : 2u);
   }
+}
+
+// A rod of 0.3 kg behind the spring and damper of a load cell, whose force is a state. Its pair of eigenvalues has the
+// size sqrt(k / m) = 577 1/s; 0.15 of that motion is 0.26 ms. A pendulum has joints alone and takes 2.5 ms.
+TEST(FineSteps, FollowAStateBehindAJoint) {
+  tiller_model_t rod = {};
+  rod.state_count = 3;
+  rod.input_count = 1;
+  rod.joint_count = 1;
+  static const tiller_joint_t joints[] = {{"rod", 0, 2, 0, 1}};
+  rod.joints = joints;
+  rod.dynamics = [](const double* x, const double* u, const double* f, const tiller_body_t*, const double*,
+                    double* dx) {
+    dx[0] = x[2];
+    dx[1] = 1e5 * x[2];
+    dx[2] = (u[0] + f[0] - x[1] - 200 * x[2]) / 0.3;
+  };
+  Grid grid;
+  grid.period_s = 0.01;
+  grid.state = {std::vector<double>(100, 0.02), std::vector<double>(100, 100.0), {}};
+  grid.input = {std::vector<double>(100, 100.0)};
+  tiller::Config config;
+  config.model = &rod;
+  config.period_s = 0.01;
+  config.substeps = 1;
+  EXPECT_EQ(with_fine_steps(config, grid).substeps, 39u);  // 0.01 * 577.35 / 0.15 = 38.5
+  config.substeps = 50;
+  EXPECT_EQ(with_fine_steps(config, grid).substeps, 50u) << "the robot file's own are finer";
+
+  config.model = tiller_find_model("pendulum");
+  config.substeps = 1;
+  grid.state.pop_back();
+  EXPECT_EQ(with_fine_steps(config, grid).substeps, 4u);
 }
 
 }  // namespace

@@ -217,7 +217,10 @@ TEST(Schedule, AnInputActsInProportionToItsColumn) {
     std::string rows = "time_s,angle_rad,torque_Nm,volts\n";
     for (int i = 0; i < 100; ++i)
       rows += std::to_string(0.01 * i) + "," + std::to_string(0.1 * i) + ",2," +
-              (i % 10 != 5 ? "" : i == 5 ? first : std::to_string(12 - 0.01 * (i - 5))) + "\n";
+              (i % 10 != 5 ? ""
+               : i == 5    ? first
+                           : std::to_string(12 - 0.01 * (i - 5))) +
+              "\n";
     return rows;
   };
   LogMap map;

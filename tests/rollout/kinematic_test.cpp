@@ -191,8 +191,8 @@ TEST(Kinematic, AControllerLearnsTheGainsAndArrives) {
   }
 }
 
-// Friction of 10 N against a drive of 10 N: the speed stays at 1 m/s, and the place goes with it. With the speeds of the
-// free steps alone it would be ahead by half a step's change of them, 20 mm/s.
+// Friction of 10 N against a drive of 10 N: the speed stays at 1 m/s, and the place goes with it. With the speeds of
+// the free steps alone it would be ahead by half a step's change of them, 20 mm/s.
 TEST(OtherStates, FollowTheVelocitiesThatEffectsChange) {
   constexpr std::uint32_t kPeriods = 50;
   constexpr double kDrive_N = 10, kHeading_rad = 0.7, kTime_s = kPeriods * 0.02;

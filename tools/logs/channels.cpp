@@ -142,8 +142,8 @@ void take_topics(const Channels& channels, const std::vector<LogColumn>& columns
     return channels.clocks[static_cast<std::size_t>(channels.by_column.at(c.column).clock)];
   };
   // what multiplies an input changes while the input holds
-  const bool scaled = std::any_of(columns.begin(), columns.end(),
-                                  [](const LogColumn& c) { return c.kind == LogColumn::Kind::scale; });
+  const bool scaled =
+      std::any_of(columns.begin(), columns.end(), [](const LogColumn& c) { return c.kind == LogColumn::Kind::scale; });
   const auto add = [](const std::vector<double>& clock, std::vector<const std::vector<double>*>& list) {
     if (std::find(list.begin(), list.end(), &clock) == list.end()) list.push_back(&clock);
   };

@@ -228,8 +228,8 @@ bool find_columns(const Words& names, const char* whose, const std::vector<LogCo
     if (hits > 1)
       problems.add(1, "column '" + column.column + "' appears twice in the header; rename one");
     else if (column.kind == LogColumn::Kind::scale)
-      problems.add(1, "no column '" + column.column + "'; " + whose + " has: " + join(names) +
-                          "; [log] schedule." + column.field + " names it");
+      problems.add(1, "no column '" + column.column + "'; " + whose + " has: " + join(names) + "; [log] schedule." +
+                          column.field + " names it");
     else
       problems.add(
           1, "no column '" + column.column + "' for " + column.field + "; " + whose + " has: " + join(names) +

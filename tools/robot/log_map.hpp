@@ -19,9 +19,9 @@ struct LogMap {
   /// "hold": a row's input is in force until the next row (a log of commands). "mean": it was measured at the
   /// row's instant, so the mean of two rows acted in between (a log of torques).
   std::string input = "hold";
-  std::map<std::string, double> zeros;  ///< what a column reads, in its unit, where the state or input is 0
+  std::map<std::string, double> zeros;          ///< what a column reads, in its unit, where the state or input is 0
   std::map<std::string, LogSchedule> schedule;  ///< of inputs
-  double row_s = 0;                     ///< from row to row, where the logs have no stamps; 0: they have
+  double row_s = 0;                             ///< from row to row, where the logs have no stamps; 0: they have
   bool undriven = false;  ///< nothing drives the robot in the logs: every input is 0, and no column of theirs is read
 };
 

@@ -1,10 +1,10 @@
 // What a robot file may say and hardly means: degrees, milliseconds, hours.
 #include "tools/robot/robot_hints.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
+#include "tools/robot/fastest_rate.hpp"
 #include "tools/robot/robot_equations.hpp"
 #include "tools/robot/robot_sections.hpp"
 #include "tools/robot/units.hpp"
@@ -20,32 +20,6 @@ bool ends_with(const std::string& text, const std::string& ending) {
 
 // ---- milliseconds -----------------------------------------------------------------------------------
 
-/// The model's fastest rate at the start, in 1/s, by differences: of a step of that time an integrator follows nothing.
-/// 0: none, as of a mass that nothing holds, or not finite.
-double fastest_rate(const RobotFile& robot) {
-  constexpr double kStep = 1e-6;
-  const tiller_model_t& m = *robot.config.model;
-  if (!m.dynamics) return 0.0;
-  const Eigen::Index nx = m.state_count;
-  std::vector<double> params, forces(TILLER_MAX_JOINTS, 0.0);
-  for (std::uint32_t i = 0; i < m.param_count; ++i) params.push_back(parameter_at(robot.config.priors[i], 0.5));
-  const auto rates = [&](Eigen::Index moved, double step) {
-    Eigen::VectorXd x = Eigen::Map<const Eigen::VectorXd>(robot.config.initial_state, nx), dxdt(nx);
-    x[moved] += step;
-    m.dynamics(x.data(), robot.config.safety.safe_command, forces.data(), &robot.config.body, params.data(),
-               dxdt.data());
-    return dxdt;
-  };
-  Eigen::MatrixXd a(nx, nx);
-  for (Eigen::Index i = 0; i < nx; ++i) {
-    const double step = kStep * std::max(1.0, std::abs(robot.config.initial_state[i]));
-    a.col(i) = (rates(i, step) - rates(i, -step)) / (2.0 * step);
-  }
-  if (!a.allFinite()) return 0.0;
-  const double rate = Eigen::EigenSolver<Eigen::MatrixXd>(a, false).eigenvalues().cwiseAbs().maxCoeff();
-  return rate > kStep ? rate : 0.0;
-}
-
 std::string as_milliseconds(double value) { return "if " + number_text(value) + " ms is meant, write "; }
 
 /// A second and more is long for a control period, except of a model that is known to be slower still.
@@ -54,7 +28,7 @@ void hint_at_period(FileErrors& hints, const toml::table& root, const RobotFile&
   const toml::node* node = root["model"]["period_s"].node();
   const double period = robot.config.period_s;
   if (!node || period < kLong_s) return;
-  const double rate = fastest_rate(robot);
+  const double rate = fastest_rate_1_s(robot.config, robot.config.initial_state, robot.config.safety.safe_command);
   if (rate > 0.0 && rate * period <= 1.0) return;
   std::string problem = "a control period of " + number_text(period) + " s is long for a robot";
   if (rate > 0.0)

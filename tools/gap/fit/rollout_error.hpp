@@ -7,12 +7,6 @@
 
 namespace tiller::tools::gap {
 
-/// The robot file's configuration with steps so fine that the integrator's own error does not look like physics: at
-/// most kSubstep_s times the time scale of `grid`. Friction acts after a free step, in which a state behind a joint (the
-/// force of a load cell, a pressure) sees the joint move freely: such a model takes at most kSubstepRate of its fastest
-/// motion, too.
-Config with_fine_steps(const tiller_config_t& config, const Grid& grid);
-
 /// The measure of `tiller gap`, of given parameters (np): normalised RMS error of rollouts over windows of kWindow_s,
 /// each from the start state that fits it best. 1: noise alone; up to kExplained_sigma the model explains the logs.
 /// NaN: no window fits into the logs. At most kMostErrorWindows windows, evenly chosen.

@@ -85,8 +85,8 @@ void WindowRollout::delay_before(const EffectSlot& slot, double period_s, double
         late[l] += std::max(0.0, params_[setup.effects[e].param * kLanes + l] / period_s);
 }
 
-// The state at `start` of an effect that commands alone move, by all of them that count: a limiter that never catches up
-// remembers where it began, a lag or a supply forgets no sooner than it follows.
+// The state at `start` of an effect that commands alone move, by all of them that count: a limiter that never catches
+// up remembers where it began, a lag or a supply forgets no sooner than it follows.
 void WindowRollout::follow_commands(const Window& w, const EffectSlot& slot, std::size_t start) {
   const double period = data_.grids[w.grid].period_s;
   const auto steps_of = [&](double seconds) {

@@ -3,12 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <ctime>
+#include <set>
 
 #include "effects/effect_info.hpp"
 #include "tiller/config.hpp"
 #include "tools/base/text.hpp"
+#include "tools/gap/fit/fine_steps.hpp"
 #include "tools/gap/fit/identifiability.hpp"
-#include "tools/gap/fit/rollout_error.hpp"
 #include "tools/gap/localise/localise.hpp"
 #include "tools/gap/pipeline/change.hpp"
 #include "tools/gap/pipeline/data.hpp"
@@ -178,10 +179,9 @@ void refit_by_own_weights(Session& s, Candidate& e, const FitSettings& settings)
 void fit_with_information(Session& s, SearchResult& found) {
   FitSettings last;
   last.information = true;
-  std::vector<std::size_t> told = found.ambiguity;
-  told.insert(told.end(), found.beside.begin(), found.beside.end());
-  for (const std::size_t i : {std::size_t{0}, found.best, found.leading})
-    if (std::find(told.begin(), told.end(), i) == told.end()) told.push_back(i);
+  std::set<std::size_t> told = {0, found.best, found.leading};
+  told.insert(found.ambiguity.begin(), found.ambiguity.end());
+  told.insert(found.beside.begin(), found.beside.end());
   for (const std::size_t i : told) {
     s.shooting->fit(found.entries[i].hypothesis, s.work, last, found.entries[i].fit);
     found.entries[i].fit.dispersion = s.dispersion;

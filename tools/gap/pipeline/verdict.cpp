@@ -54,8 +54,7 @@ std::vector<Estimate> estimates(const Session& s, const Candidate& e, const Cand
     }
   }
   for (std::size_t i = 0; i < list.size(); ++i) list[i].mean = list[i].low = list[i].high = e.fit.params[i];
-  const std::vector<double> sd = deviations(e.hypothesis, e.fit),
-                            before = deviations(nominal.hypothesis, nominal.fit);
+  const std::vector<double> sd = deviations(e.hypothesis, e.fit), before = deviations(nominal.hypothesis, nominal.fit);
   const double reach = interval_factor(e.hypothesis, e.fit);
   const std::vector<PriorEdge> edges = prior_edges(e.hypothesis, e.fit, sd, param_names),
                                held = prior_edges(nominal.hypothesis, nominal.fit, before, param_names);

@@ -8,21 +8,21 @@
 namespace tiller::tools::gap {
 
 // ---- windows -------------------------------------------------------------------------------------
-constexpr double kWindow_s = 1.0;           // what is fitted: long enough to see friction, short enough to stay on path
-constexpr double kSubstep_s = 0.0025;       // of the integrator at most: friction is split off the free step
-constexpr double kSubstepRate = 0.15;       // of the fastest motion that a step takes where a state is behind a joint
-constexpr double kRunIn_s = 0.25;           // commands that drive trains and delays see before a window
-constexpr double kPathRunIn_s = 1.0;        // of bristles and play, along the measured path
-constexpr double kFollowRunIn_s = 5.0;      // of lags, by commands alone: five of the largest time constants
-constexpr double kMemoryRunIn_s = 30.0;     // of rate limits and supplies: a limit may never catch up with the command
+constexpr double kWindow_s = 1.0;        // what is fitted: long enough to see friction, short enough to stay on path
+constexpr double kSubstep_s = 0.0025;    // of the integrator at most: friction is split off the free step
+constexpr double kSubstepRate = 0.15;    // of the fastest motion that a step takes where a state is behind a joint
+constexpr double kRunIn_s = 0.25;        // commands that drive trains and delays see before a window
+constexpr double kPathRunIn_s = 1.0;     // of bristles and play, along the measured path
+constexpr double kFollowRunIn_s = 5.0;   // of lags, by commands alone: one of a second has forgotten all but 1 %
+constexpr double kMemoryRunIn_s = 30.0;  // of rate limits and supplies: a limit may never catch up with the command
 constexpr std::size_t kMemoryRunInPeriods = 3000;  // what that may cost; at least the lags' time
-constexpr double kRestLook_s = 0.1;         // over which a vehicle's place tells whether a log begins at rest
-constexpr double kStateHalfWidth_s = 0.03;  // parabola of the first guess of a window's state
-constexpr std::size_t kManyParams = 8;      // of the robot file: with more, pieces of windows are fitted first
-constexpr double kBrief_s = 0.1;            // of such a piece: before a wrong friction has left the path
-constexpr double kTestShare = 0.15;         // of the windows, kept for the proof
-constexpr double kLeast_s = 4.0;            // of windows: with less nothing is decided
-constexpr double kShortestHoldout_s = 0.25;  // lengths of the rollouts kept for the proof
+constexpr double kRestLook_s = 0.1;                // over which a vehicle's place tells whether a log begins at rest
+constexpr double kStateHalfWidth_s = 0.03;         // parabola of the first guess of a window's state
+constexpr std::size_t kManyParams = 8;             // of the robot file: with more, pieces of windows are fitted first
+constexpr double kBrief_s = 0.1;                   // of such a piece: before a wrong friction has left the path
+constexpr double kTestShare = 0.15;                // of the windows, kept for the proof
+constexpr double kLeast_s = 4.0;                   // of windows: with less nothing is decided
+constexpr double kShortestHoldout_s = 0.25;        // lengths of the rollouts kept for the proof
 constexpr double kHoldout_s = 1.0;
 constexpr double kLongestHoldout_s = 3.0;
 

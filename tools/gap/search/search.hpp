@@ -10,9 +10,9 @@ struct SearchResult {
   std::vector<Candidate> entries;
   std::size_t best = 0;                ///< into entries
   std::vector<std::size_t> ambiguity;  ///< that cannot be told from it, itself included; empty if it is the nominal
-  std::vector<std::size_t> beside;  ///< entries that explain a little more than the best, nobody knows which
-  std::size_t leading = 0;                    ///< what comes nearest to being proven where nothing is; 0: nothing does
-  double more_s = 0;                          ///< of data as these that would prove it
+  std::vector<std::size_t> beside;     ///< entries that explain a little more than the best, nobody knows which
+  std::size_t leading = 0;             ///< what comes nearest to being proven where nothing is; 0: nothing does
+  double more_s = 0;                   ///< of data as these that would prove it
   bool interrupted = false;
 };
 
