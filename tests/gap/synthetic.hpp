@@ -29,7 +29,8 @@ struct Synthetic {
   std::function<double(double u)> actuator;                             // empty: as commanded
   double lag_s = 0, rate_limit = 0;  // of the drive, in the place of `actuator` and `delay_s`; 0: none
   double delay_s = 0;
-  std::uint32_t delayed = ~0u;  // the inputs that are, bit by bit
+  std::uint32_t delayed = ~0u;                           // the inputs that are, bit by bit
+  double rotor_inertia = 0, stiffness = 0, damping = 0;  // of a rotor that turns input 0's joint by a spring; 0: none
   double payload_kg = 0;
   bool continuous = false;  // the input moves within a period: what a log has is its value at the row
 };
@@ -78,7 +79,9 @@ inline Grid simulate(const Synthetic& s, std::uint64_t seed) {
   grid.input.resize(model.input_count);
   const auto points = static_cast<std::size_t>(s.seconds / s.period_s);
   const tiller_body_t body = {0, -9.81, s.payload_kg, 0};
-  std::vector<double> x(model.state_count, 0.0);
+  // behind the model's states the spring's twist and the rotor's velocity
+  const std::size_t twist = model.state_count, rotor = twist + 1;
+  std::vector<double> x(s.rotor_inertia > 0 ? rotor + 1 : twist, 0.0);
   if (std::string(model.name) == "cart_pole") x[1] = 3.14159;  // hangs
   const int fine = static_cast<int>(std::lround(s.period_s / 0.0005));
   const double h = s.period_s / fine;
@@ -101,6 +104,12 @@ inline Grid simulate(const Synthetic& s, std::uint64_t seed) {
       const double late = s.delayed >> i & 1u ? s.delay_s : 0.0;
       const double commanded = t < late ? 0.0 : command(i, t - late);
       u[i] = s.lag_s > 0 || s.rate_limit > 0 ? acting[i] : s.actuator ? s.actuator(commanded) : commanded;
+    }
+    if (s.rotor_inertia > 0) {
+      dx[twist] = at[rotor] - at[joint.velocity];
+      const double spring = s.stiffness * at[twist] + s.damping * dx[twist];
+      dx[rotor] = (u[0] - spring) / s.rotor_inertia;
+      u[0] = spring;
     }
     if (s.force) f[joint.force] = s.force(at[joint.position], at[joint.velocity], u[0], t);
     model.dynamics(at.data(), u, f, &body, s.params.data(), dx.data());

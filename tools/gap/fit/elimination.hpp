@@ -3,9 +3,11 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 
 #include "tiller/model.h"
+#include "tools/gap/fit/hypothesis.hpp"
 
 namespace tiller::tools::gap {
 
@@ -14,11 +16,13 @@ template <int kMost>
 using Square = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMost, kMost>;
 template <int kMost>
 using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMost, 1>;
-using StateSquare = Square<TILLER_MAX_STATES>;
-using StateVector = Vector<TILLER_MAX_STATES>;
+// Of a window's start: states, then what effects have that nobody sees.
+constexpr int kMostStarts = TILLER_MAX_STATES + static_cast<int>(kMostUnseen);
+using StateSquare = Square<kMostStarts>;
+using StateVector = Vector<kMostStarts>;
 using ParamSquare = Square<TILLER_MAX_PARAMS>;
 using ParamVector = Vector<TILLER_MAX_PARAMS>;
-using Coupling = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, TILLER_MAX_STATES, TILLER_MAX_PARAMS>;
+using Coupling = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMostStarts, TILLER_MAX_PARAMS>;
 
 // A window's step of the start state for a step of the parameters: first + second * step.
 struct Elimination {
@@ -30,7 +34,9 @@ using GramMap = Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dy
 
 inline Eigen::LDLT<StateSquare> damped(const GramMap& gram, std::uint32_t nx, double damping) {
   StateSquare a = gram.topLeftCorner(nx, nx);
-  const double floor = 1e-9 * std::max(1e-12, a.diagonal().maxCoeff());
+  double largest = 1e-12;
+  for (std::uint32_t i = 0; i < nx; ++i) largest = std::max(largest, a(i, i));
+  const double floor = 1e-9 * largest;
   for (std::uint32_t i = 0; i < nx; ++i) a(i, i) += damping * a(i, i) + floor;
   return Eigen::LDLT<StateSquare>(a);
 }

@@ -82,7 +82,7 @@ bool Shooting::open_response(const Hypothesis& h, const Fit& fit, std::size_t in
   if (!make_hypothesis(config_, effects, &scales_, pushed)) return false;
   WindowRollout& rollout = scratch_[0].rollout;
   rollout.use(h);
-  stride_ = nx_ + 1;
+  stride_ = starts_of(h) + 1;
   differentiate(scratch_[0], h, index, fit, false);
   if (!std::isfinite(gram_[index * kMostColumns * kMostColumns + stride_ * stride_ - 1])) return false;
   const std::vector<double> path(rollout.trajectory(), rollout.trajectory() + std::size_t{w.points} * nx_ * kLanes);
@@ -141,14 +141,14 @@ void Shooting::step_response(std::size_t, std::size_t k, const double* force) {
                 scratch_[0].rows.begin() + static_cast<std::ptrdiff_t>(((k + 1) * ny_ + i) * kLanes));
 }
 
-// The scratch's columns hold the start state's derivatives and the residual, as differentiate() left them.
+// The scratch's columns hold the start's derivatives and the residual, as differentiate() left them.
 void Shooting::end_response(std::size_t index) {
   const Window& w = windows_[index];
   double* rows = scratch_[0].rows.data();
   const double* columns = scratch_[0].columns.data();
   whitening_.apply(index, w, rows);
-  const std::uint32_t nc = nx_ + 1;
-  double along[(TILLER_MAX_STATES + 1) * kLanes] = {};
+  const std::uint32_t nc = stride_, starts = nc - 1;
+  double along[(TILLER_MAX_STATES + kMostUnseen + 1) * kLanes] = {};
   std::fill(products_.begin(), products_.end(), 0.0);
   for (std::size_t r = 0; r < std::size_t{w.points} * ny_; ++r) {
     const double *row = rows + r * kLanes, *column = columns + r * nc;
@@ -160,14 +160,14 @@ void Shooting::end_response(std::size_t index) {
   using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   const Eigen::Map<const Rows> gram(gram_.data() + index * kMostColumns * kMostColumns, nc, nc);
   const Eigen::Map<const Rows> c(along, nc, kLanes);
-  Eigen::MatrixXd j = gram.topLeftCorner(nx_, nx_);
+  Eigen::MatrixXd j = gram.topLeftCorner(starts, starts);
   j.diagonal().array() += 1e-9 * std::max(1e-12, j.diagonal().maxCoeff());
   const Eigen::LDLT<Eigen::MatrixXd> factor(j);
-  const Eigen::MatrixXd solved = factor.solve(Eigen::MatrixXd(c.topRows(nx_)));
+  const Eigen::MatrixXd solved = factor.solve(Eigen::MatrixXd(c.topRows(starts)));
   Eigen::Map<Rows> products(products_.data(), kLanes, kLanes);
-  products -= c.topRows(nx_).transpose() * solved;
+  products -= c.topRows(starts).transpose() * solved;
   Eigen::Map<Eigen::VectorXd> cross(products_.data() + kLanes * kLanes, kLanes);
-  cross = c.row(nx_).transpose() - solved.transpose() * gram.block(0, nx_, nx_, 1);
+  cross = c.row(starts).transpose() - solved.transpose() * gram.block(0, starts, starts, 1);
 }
 
 }  // namespace tiller::tools::gap

@@ -117,6 +117,23 @@ void take_before(const ModelFit& before, const std::vector<EffectAt>& added, Hyp
 
 }  // namespace
 
+namespace {
+
+// A rotor between motor and joint has a place and a velocity of its own; what follows in its states is no motion.
+std::vector<std::uint32_t> unseen_states(const StepSetup& setup) {
+  constexpr std::uint32_t kOfARotor = 2;
+  std::vector<std::uint32_t> rows;
+  for (std::uint32_t e = 0; e < setup.effect_count; ++e) {
+    const EffectInfo& info = effect_info(setup.effects[e].kind);
+    if (!info.needs_drive || info.state_count < static_cast<int>(kOfARotor)) continue;
+    for (std::uint32_t i = 0; i < kOfARotor; ++i) rows.push_back(setup.effects[e].state + i);
+  }
+  if (rows.size() > kMostUnseen) rows.clear();
+  return rows;
+}
+
+}  // namespace
+
 bool make_hypothesis(const tiller_config_t& nominal, const std::vector<EffectAt>& added, const Scales* scales,
                      Hypothesis& out) {
   out.config = nominal;
@@ -169,7 +186,9 @@ bool make_hypothesis(const tiller_config_t& nominal, const std::vector<EffectAt>
     const bool follows = info.state_count > 0 && !has_role(out.config.effects[e].kind, kClock);
     out.follows = out.follows || (follows && (info.port == PortKind::joint || info.needs_drive));
   }
-  return make_step_setup(out.config, out.setup) == tiller_status_ok;
+  if (make_step_setup(out.config, out.setup) != tiller_status_ok) return false;
+  out.unseen = unseen_states(out.setup);
+  return true;
 }
 
 std::vector<double> prior_centre(const tiller_config_t& config) {

@@ -10,6 +10,8 @@
 
 namespace tiller::tools::gap {
 
+constexpr std::size_t kMostUnseen = 4;  ///< two rotors
+
 /// A parameter that a fit may move.
 struct FreeParam {
   std::uint32_t index = 0;  ///< in the configuration's parameters
@@ -23,9 +25,12 @@ struct Hypothesis {
   Config config;
   StepSetup setup;
   std::vector<EffectAt> added;
-  std::vector<FreeParam> free;   ///< the model's inferred ones, then all of the added effects'
-  bool sensors = false;          ///< an effect changes what is measured
-  bool follows = false;          ///< an effect has states that follow the motion
+  std::vector<FreeParam> free;  ///< the model's inferred ones, then all of the added effects'
+  bool sensors = false;         ///< an effect changes what is measured
+  bool follows = false;         ///< an effect has states that follow the motion
+  /// Rows of effect states that neither commands nor the measured path tell: a rotor behind a spring or a play rings on
+  /// its own. Their place at a window's start is fitted with its start state. At most kMostUnseen, else none.
+  std::vector<std::uint32_t> unseen;
   std::uint32_t own_params = 0;  ///< parameters of the robot file's own model and effects
   std::size_t freedom = 0;       ///< free parameters; a changed one counts twice, for it was free before
   std::vector<double> before;    ///< (free x free) of half the cost: what logs of before say; empty without

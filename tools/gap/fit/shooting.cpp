@@ -4,11 +4,13 @@
 #include <cmath>
 
 #include "tools/gap/fit/elimination.hpp"
+#include "tools/gap/fit/unseen.hpp"
 
 namespace tiller::tools::gap {
 namespace {
 
 constexpr int kRescues = 3;
+constexpr std::size_t kUnseenWindows = 32;  // from which the spread of unseen states is taken
 
 std::size_t most_points(const std::vector<Window>& windows) {
   std::size_t most = 0;
@@ -34,7 +36,7 @@ Shooting::Shooting(const WindowData& data, const std::vector<Window>& windows, c
   scratch_.reserve(count);
   for (unsigned i = 0; i < count; ++i)
     scratch_.push_back({WindowRollout(data, config, most), std::vector<double>(most * ny_ * kLanes),
-                        std::vector<double>(most * ny_ * (kMostColumns + 1))});
+                        std::vector<double>((most * ny_ + kMostUnseen) * kMostColumns)});
   std::copy_n(config.measured_state, ny_, measured_);
   gram_.resize(windows.size() * kMostColumns * kMostColumns);
   response_a_.resize(most * nx_ * nx_);
@@ -48,7 +50,7 @@ std::size_t Shooting::bytes_for(const tiller_config_t& config, std::size_t windo
                                 unsigned threads) {
   const std::size_t nx = config.model->state_count, ny = config.measurement_count;
   const std::size_t scratch = sizeof(Scratch) + WindowRollout::bytes_for(config, points) +
-                              sizeof(double) * points * ny * (kLanes + kMostColumns + 1);
+                              sizeof(double) * (points * ny * kLanes + (points * ny + kMostUnseen) * kMostColumns);
   return threads * scratch + Whitening::bytes_for(config, windows, points) +
          sizeof(double) *
              (points * (nx * nx + nx + 1) + windows * kMostColumns * kMostColumns + (nx + kLanes + 1) * kLanes);
@@ -62,11 +64,58 @@ Fit Shooting::begin(const Hypothesis& h, const std::vector<double>& params, cons
   fit.params.resize(h.config.param_count);
   if (warm) {
     fit.x0 = warm->x0;
+    if (warm->unseen.size() == windows_.size() * h.unseen.size()) fit.unseen = warm->unseen;
   } else {
     for (const Window& w : windows_) fit.x0.insert(fit.x0.end(), w.x0, w.x0 + nx_);
   }
   fit.cost.assign(windows_.size(), 0.0);
+  fit.unseen_cost = fit.cost;
   return fit;
+}
+
+void Shooting::fill_params(WindowRollout& rollout, const Hypothesis& h, const Fit& fit) const {
+  for (std::uint32_t i = 0; i < h.config.param_count; ++i)
+    std::fill_n(rollout.params() + i * kLanes, kLanes, fit.params[i]);
+}
+
+void Shooting::fill_start(WindowRollout& rollout, const Hypothesis& h, std::size_t index, const Fit& fit) const {
+  const std::size_t unseen = fit.unseen.empty() ? 0 : h.unseen.size();
+  for (std::uint32_t i = 0; i < nx_; ++i) std::fill_n(rollout.states() + i * kLanes, kLanes, fit.x0[index * nx_ + i]);
+  for (std::size_t i = 0; i < unseen; ++i)
+    std::fill_n(rollout.unseen() + i * kLanes, kLanes, fit.unseen[index * unseen + i]);
+}
+
+void Shooting::measure_unseen(const Hypothesis& h, Fit& fit) {
+  const std::size_t count = h.unseen.size(), some = std::min(windows_.size(), kUnseenWindows);
+  if (fit.unseen.size() != windows_.size() * count) fit.unseen.assign(windows_.size() * count, 0.0);
+  fit.unseen_sd.assign(count, 0.0);
+  if (count == 0) return;
+  WindowRollout& rollout = scratch_[0].rollout;
+  fill_params(rollout, h, fit);
+  for (std::size_t n = 0; n < some; ++n) {
+    const double* states = rollout.effects_at_start(windows_[n * windows_.size() / some]);
+    for (std::size_t i = 0; i < count; ++i) {
+      const double at = states[h.unseen[i] * kLanes];
+      fit.unseen_sd[i] += at * at / static_cast<double>(some);
+    }
+  }
+  for (double& sd : fit.unseen_sd) sd = std::isfinite(sd) ? std::sqrt(sd) : 0;
+}
+
+void Shooting::charge_unseen(const Hypothesis& h, const std::vector<std::size_t>& which, Fit& fit) {
+  const std::size_t count = h.unseen.size();
+  std::vector<Told> told;
+  for (const std::size_t index : which) {
+    UnseenVector found(count);
+    for (std::size_t i = 0; i < count; ++i)
+      found(static_cast<Eigen::Index>(i)) = fit.unseen_sd[i] > 0 ? fit.unseen[index * count + i] / fit.unseen_sd[i] : 0;
+    told.push_back(told_of(GramMap(gram_.data() + index * kMostColumns * kMostColumns, stride_, stride_), nx_, found));
+  }
+  const UnseenVector variance = likely_variance(told);
+  for (std::size_t n = 0; n < which.size(); ++n) {
+    fit.unseen_cost[which[n]] = price_of(told[n], variance);
+    fit.data_cost += fit.unseen_cost[which[n]];
+  }
 }
 
 void Shooting::descend(const Hypothesis& h, const std::vector<std::size_t>& which, const FitSettings& settings,
@@ -92,11 +141,14 @@ void Shooting::descend(const Hypothesis& h, const std::vector<std::size_t>& whic
 void Shooting::fit(const Hypothesis& h, const std::vector<std::size_t>& which, const FitSettings& settings, Fit& fit) {
   for (Scratch& scratch : scratch_) scratch.rollout.use(h);
   const bool params = !settings.fix_params && !h.free.empty();
+  if (!settings.fix_params || fit.unseen_sd.size() != h.unseen.size()) measure_unseen(h, fit);
   linearise(h, which, fit, params);
   fit.data_cost = 0;
   fit.iterations = 0;
+  const std::uint32_t starts = starts_of(h);
   for (const std::size_t index : which) {
     fit.cost[index] = gram_[index * kMostColumns * kMostColumns + stride_ * stride_ - 1];
+    fit.unseen_cost[index] = 0;
     fit.data_cost += fit.cost[index];
   }
   fit.penalty = penalty_of(h, fit.params.data(), 1);
@@ -109,16 +161,18 @@ void Shooting::fit(const Hypothesis& h, const std::vector<std::size_t>& which, c
     current = false;
     if (before - fit.total() < settings.tolerance) break;
   }
-  if (!settings.information || !params) return;
-  if (!current) linearise(h, which, fit, params);
-  const std::uint32_t nf = stride_ - nx_ - 1;
+  const bool information = settings.information && params;
+  if (!current && fit.finite && (information || starts > nx_)) linearise(h, which, fit, params);
+  if (starts > nx_ && fit.finite) charge_unseen(h, which, fit);
+  if (!information) return;
+  const std::uint32_t nf = stride_ - starts - 1;
   fit.information.assign(std::size_t{nf} * nf, 0.0);
   fit.slopes.assign(which.size() * nf, 0.0);
   for (std::size_t n = 0; n < which.size(); ++n) {
     const GramMap gram(gram_.data() + which[n] * kMostColumns * kMostColumns, stride_, stride_);
-    const Elimination e = eliminate(gram, nx_, nf, 0);
-    const ParamSquare s = gram.block(nx_, nx_, nf, nf) + gram.block(nx_, 0, nf, nx_) * e.second;
-    const ParamVector g = gram.block(nx_, nx_ + nf, nf, 1) - gram.block(nx_, 0, nf, nx_) * e.first;
+    const Elimination e = eliminate(gram, starts, nf, 0);
+    const ParamSquare s = gram.block(starts, starts, nf, nf) + gram.block(starts, 0, nf, starts) * e.second;
+    const ParamVector g = gram.block(starts, starts + nf, nf, 1) - gram.block(starts, 0, nf, starts) * e.first;
     for (std::uint32_t i = 0; i < nf; ++i) {
       fit.slopes[n * nf + i] = g(i);
       for (std::uint32_t j = 0; j < nf; ++j) fit.information[i * nf + j] += s(i, j);
@@ -133,9 +187,8 @@ void Shooting::prepare_whitening(const Hypothesis& nominal, const Fit& fit) {
   rollout.use(nominal);
   for (std::size_t index = 0; index < windows_.size(); ++index) {
     const Window& w = windows_[index];
-    for (std::uint32_t i = 0; i < nx_; ++i) std::fill_n(rollout.states() + i * kLanes, kLanes, fit.x0[index * nx_ + i]);
-    for (std::uint32_t i = 0; i < nominal.config.param_count; ++i)
-      std::fill_n(rollout.params() + i * kLanes, kLanes, fit.params[i]);
+    fill_start(rollout, nominal, index, fit);
+    fill_params(rollout, nominal, fit);
     rollout.run(w);
     whitening_.prepare(index, nominal, data_, w, rollout.trajectory(), kLanes, fit.params.data());
   }
@@ -144,9 +197,8 @@ void Shooting::prepare_whitening(const Hypothesis& nominal, const Fit& fit) {
 const double* Shooting::predict(const Hypothesis& h, const Fit& fit, std::size_t index) {
   WindowRollout& rollout = scratch_[0].rollout;
   rollout.use(h);
-  for (std::uint32_t i = 0; i < nx_; ++i) std::fill_n(rollout.states() + i * kLanes, kLanes, fit.x0[index * nx_ + i]);
-  for (std::uint32_t i = 0; i < h.config.param_count; ++i)
-    std::fill_n(rollout.params() + i * kLanes, kLanes, fit.params[i]);
+  fill_start(rollout, h, index, fit);
+  fill_params(rollout, h, fit);
   return rollout.run(windows_[index]);
 }
 

@@ -13,9 +13,12 @@ namespace tiller::tools::gap {
 struct Fit {
   std::vector<double> params;  ///< (np)
   std::vector<double> x0;      ///< (all windows x nx); those of the windows fitted are moved
-  std::vector<double> cost;    ///< (all windows) squares of whitened residuals; of the windows fitted
-  double data_cost = 0;        ///< their sum
-  double penalty = 0;          ///< of the priors
+  /// (all windows x unseen) added to the unseen states of effects at a window's start; (unseen) what is likely of it.
+  std::vector<double> unseen, unseen_sd;
+  std::vector<double> cost;         ///< (all windows) squares of whitened residuals; of the windows fitted
+  std::vector<double> unseen_cost;  ///< (all windows) twice the nats that unseen states pay for being free
+  double data_cost = 0;             ///< sum of both
+  double penalty = 0;               ///< of the priors
   /// (free x free) of half the cost over the free parameters, start states eliminated, priors included; at the last
   /// linearisation. slopes: (windows fitted x free), the windows' own gradients there.
   std::vector<double> information, slopes;
@@ -23,6 +26,7 @@ struct Fit {
   int iterations = 0;
   bool finite = false;
   double total() const { return data_cost + penalty; }
+  double charged(std::size_t window) const { return cost[window] + unseen_cost[window]; }
 };
 
 struct FitSettings {
@@ -33,7 +37,8 @@ struct FitSettings {
 };
 
 /// Multiple shooting (Bock 1981) by Levenberg-Marquardt: parameters common to all windows, a start state of each window
-/// that is eliminated by its Schur complement. Derivatives are forward differences in the lanes of one rollout; so are
+/// that is eliminated by its Schur complement. What effects have that nobody sees is part of the start (unseen.hpp).
+/// Derivatives are forward differences in the lanes of one rollout; so are
 /// the trial steps: four lengths of the parameters' step by four of the start state's, each window taking the best of
 /// its own, which is what gets fits past the kinks of dry friction.
 ///
@@ -85,16 +90,24 @@ class Shooting {
 
  private:
   static constexpr std::uint32_t kLanes = WindowRollout::kLanes;
-  static constexpr std::uint32_t kMostColumns = TILLER_MAX_STATES + TILLER_MAX_PARAMS + 1;
+  static constexpr std::uint32_t kMostColumns = TILLER_MAX_STATES + kMostUnseen + TILLER_MAX_PARAMS + 1;
   /// Memory of one thread.
   struct Scratch {
     WindowRollout rollout;
     std::vector<double> rows;     // (points * ny x lanes)
-    std::vector<double> columns;  // (points * ny x columns)
+    std::vector<double> columns;  // (points * ny + unseen x columns)
   };
   /// work(scratch, n) for n = 0 .. count - 1, each with the memory of the thread that it falls to.
   template <class Work>
   void share(std::size_t count, const Work& work);
+  std::uint32_t starts_of(const Hypothesis& h) const { return nx_ + static_cast<std::uint32_t>(h.unseen.size()); }
+  /// The width that a fit leaves to unseen states: that of what the run-ins of some windows come to.
+  void measure_unseen(const Hypothesis& h, Fit& fit);
+  /// What unseen states pay in these windows, after a linearisation.
+  void charge_unseen(const Hypothesis& h, const std::vector<std::size_t>& which, Fit& fit);
+  /// All lanes at the fit's start of a window.
+  void fill_start(WindowRollout& rollout, const Hypothesis& h, std::size_t index, const Fit& fit) const;
+  void fill_params(WindowRollout& rollout, const Hypothesis& h, const Fit& fit) const;
   void linearise(const Hypothesis& h, const std::vector<std::size_t>& which, const Fit& fit, bool params);
   void differentiate(Scratch& scratch, const Hypothesis& h, std::size_t index, const Fit& fit, bool params);
   double try_steps(const Hypothesis& h, const std::vector<std::size_t>& which, const std::vector<double>& step,
@@ -106,7 +119,7 @@ class Shooting {
              std::vector<double>& step);
   const double* residual_lanes(Scratch& scratch, std::size_t index);
   /// Sums of squares of the residuals of every lane, after states and params were filled.
-  void lane_costs(Scratch& scratch, std::size_t index, double* cost);
+  void lane_costs(Scratch& scratch, std::size_t index, const Fit& fit, double* cost);
   /// A better start state of a window, tried in sixteen places; what it saves, 0 for nothing.
   double rescue_window(Scratch& scratch, const Hypothesis& h, std::size_t index, Fit& fit);
   bool stopped() const { return stop_ != nullptr && *stop_ != 0; }
@@ -131,7 +144,7 @@ class Shooting {
   std::vector<Scratch> scratch_;  // of each thread; the first one's is also what the rest of the class works in
   Whitening whitening_;
   std::vector<double> gram_;  // per window (columns x columns)
-  std::uint32_t stride_ = 0;  // columns of the last linearisation: start state, parameters, residual
+  std::uint32_t stride_ = 0;  // columns of the last linearisation: start, parameters, residual
   // of the response: (points x nx x nx), (points x nx), (points), (nx x lanes), (lanes + 1) x lanes
   std::vector<double> response_a_, response_b_, response_position_, deviation_, products_;
 };

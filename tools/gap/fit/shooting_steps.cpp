@@ -28,11 +28,16 @@ const double* Shooting::residual_lanes(Scratch& scratch, std::size_t index) {
   return rows;
 }
 
-void Shooting::lane_costs(Scratch& scratch, std::size_t index, double* cost) {
+void Shooting::lane_costs(Scratch& scratch, std::size_t index, const Fit& fit, double* cost) {
   std::fill_n(cost, kLanes, 0.0);
   const double* rows = residual_lanes(scratch, index);
   for (std::size_t r = 0; r < std::size_t{windows_[index].points} * ny_; ++r)
     for (std::uint32_t l = 0; l < kLanes; ++l) cost[l] += rows[r * kLanes + l] * rows[r * kLanes + l];
+  for (std::size_t i = 0; i < fit.unseen_sd.size(); ++i)
+    for (std::uint32_t l = 0; l < kLanes && fit.unseen_sd[i] > 0; ++l) {
+      const double z = scratch.rollout.unseen()[i * kLanes + l] / fit.unseen_sd[i];
+      cost[l] += z * z;
+    }
 }
 
 template <class Work>
@@ -62,22 +67,25 @@ void Shooting::differentiate(Scratch& scratch, const Hypothesis& h, std::size_t 
   WindowRollout& rollout = scratch.rollout;
   double *rows = scratch.rows.data(), *columns = scratch.columns.data();
   const Window& w = windows_[index];
-  const std::uint32_t nf = params ? static_cast<std::uint32_t>(h.free.size()) : 0, count = nx_ + nf,
-                      np = h.config.param_count;
+  const std::uint32_t nf = params ? static_cast<std::uint32_t>(h.free.size()) : 0, starts = starts_of(h),
+                      count = starts + nf;
   const std::size_t m = std::size_t{w.points} * ny_;
   const double* measured = data_.measured[w.grid].data() + w.start * ny_;
   for (std::uint32_t first = 0; first < count; first += kLanes - 1) {
     double step[kLanes] = {};
     const std::uint32_t here = std::min(count - first, kLanes - 1);
-    for (std::uint32_t i = 0; i < nx_; ++i) std::fill_n(rollout.states() + i * kLanes, kLanes, fit.x0[index * nx_ + i]);
-    for (std::uint32_t i = 0; i < np; ++i) std::fill_n(rollout.params() + i * kLanes, kLanes, fit.params[i]);
+    fill_start(rollout, h, index, fit);
+    fill_params(rollout, h, fit);
     for (std::uint32_t c = 0; c < here; ++c) {
       const std::uint32_t which = first + c, lane = c + 1;
       if (which < nx_) {
         step[lane] = 1e-5 * scales_.channel[which];
         rollout.states()[which * kLanes + lane] += step[lane];
+      } else if (which < starts) {  // in units of its deviation
+        step[lane] = 1e-5;
+        rollout.unseen()[(which - nx_) * kLanes + lane] += step[lane] * fit.unseen_sd[which - nx_];
       } else {
-        const FreeParam& f = h.free[which - nx_];
+        const FreeParam& f = h.free[which - starts];
         step[lane] = 1e-5 * std::max(std::fabs(fit.params[f.index]), 0.05 * f.scale);
         if (fit.params[f.index] + step[lane] > f.high) step[lane] = -step[lane];
         rollout.params()[f.index * kLanes + lane] += step[lane];
@@ -95,9 +103,15 @@ void Shooting::differentiate(Scratch& scratch, const Hypothesis& h, std::size_t 
       columns[r * stride_ + count] = rows[r * kLanes];
     }
   }
+  for (std::uint32_t i = 0; i < starts - nx_; ++i) {  // a prior is a measurement
+    double* row = columns + (m + i) * stride_;
+    std::fill_n(row, stride_, 0.0);
+    row[nx_ + i] = 1;
+    if (fit.unseen_sd[i] > 0) row[count] = -fit.unseen[index * h.unseen.size() + i] / fit.unseen_sd[i];
+  }
   double* gram = gram_.data() + index * kMostColumns * kMostColumns;
   std::fill_n(gram, stride_ * stride_, 0.0);
-  for (std::size_t r = 0; r < m; ++r) {
+  for (std::size_t r = 0; r < m + starts - nx_; ++r) {
     const double* row = columns + r * stride_;
     for (std::uint32_t a = 0; a < stride_; ++a)
       for (std::uint32_t b = 0; b < stride_; ++b) gram[a * stride_ + b] += row[a] * row[b];
@@ -105,7 +119,7 @@ void Shooting::differentiate(Scratch& scratch, const Hypothesis& h, std::size_t 
 }
 
 void Shooting::linearise(const Hypothesis& h, const std::vector<std::size_t>& which, const Fit& fit, bool params) {
-  stride_ = nx_ + (params ? static_cast<std::uint32_t>(h.free.size()) : 0) + 1;
+  stride_ = starts_of(h) + (params ? static_cast<std::uint32_t>(h.free.size()) : 0) + 1;
   share(which.size(), [&](Scratch& scratch, std::size_t n) { differentiate(scratch, h, which[n], fit, params); });
 }
 
@@ -113,16 +127,16 @@ void Shooting::linearise(const Hypothesis& h, const std::vector<std::size_t>& wh
 // solved for again.
 bool Shooting::solve(const Hypothesis& h, const std::vector<std::size_t>& which, const Fit& fit, double damping,
                      std::vector<double>& step) {
-  const std::uint32_t nf = stride_ - nx_ - 1;
+  const std::uint32_t starts = starts_of(h), nf = stride_ - starts - 1;
   step.assign(nf, 0.0);
   if (nf == 0) return true;
   ParamSquare s = ParamSquare::Zero(nf, nf);
   ParamVector g = ParamVector::Zero(nf);
   for (const std::size_t index : which) {
     const GramMap gram(gram_.data() + index * kMostColumns * kMostColumns, stride_, stride_);
-    const Elimination e = eliminate(gram, nx_, nf, 0);
-    s += gram.block(nx_, nx_, nf, nf) + gram.block(nx_, 0, nf, nx_) * e.second;
-    g += gram.block(nx_, nx_ + nf, nf, 1) - gram.block(nx_, 0, nf, nx_) * e.first;
+    const Elimination e = eliminate(gram, starts, nf, 0);
+    s += gram.block(starts, starts, nf, nf) + gram.block(starts, 0, nf, starts) * e.second;
+    g += gram.block(starts, starts + nf, nf, 1) - gram.block(starts, 0, nf, starts) * e.first;
   }
   std::vector<double> slope(nf), curvature(std::size_t{nf} * nf);
   add_prior(h, fit.params, slope.data(), curvature.data());
@@ -174,8 +188,8 @@ bool Shooting::solve(const Hypothesis& h, const std::vector<std::size_t>& which,
 // fit stays.
 double Shooting::try_steps(const Hypothesis& h, const std::vector<std::size_t>& which, const std::vector<double>& step,
                            double damping, Fit& fit) {
-  const std::uint32_t nf = stride_ - nx_ - 1, np = h.config.param_count;
-  std::vector<double> params(std::size_t{np} * kLanes), best(which.size() * 4), x0(which.size() * 4 * nx_);
+  const std::uint32_t starts = starts_of(h), nf = stride_ - starts - 1, np = h.config.param_count, nh = starts - nx_;
+  std::vector<double> params(std::size_t{np} * kLanes), best(which.size() * 4), start(which.size() * 4 * starts);
   for (std::uint32_t l = 0; l < kLanes; ++l) {
     for (std::uint32_t i = 0; i < np; ++i) params[i * kLanes + l] = fit.params[i];
     for (std::uint32_t i = 0; i < nf; ++i)
@@ -188,22 +202,27 @@ double Shooting::try_steps(const Hypothesis& h, const std::vector<std::size_t>& 
     const std::size_t index = which[n];
     WindowRollout& rollout = scratch.rollout;
     const GramMap gram(gram_.data() + index * kMostColumns * kMostColumns, stride_, stride_);
-    const Elimination e = eliminate(gram, nx_, nf, damping);
+    const Elimination e = eliminate(gram, starts, nf, damping);
     std::copy(params.begin(), params.end(), rollout.params());
     for (std::uint32_t l = 0; l < kLanes; ++l) {
       StateVector d = e.first;
       for (std::uint32_t i = 0; i < nf; ++i) d += kParamShare[l / 4] * step[i] * e.second.col(i);
       for (std::uint32_t i = 0; i < nx_; ++i)
         rollout.states()[i * kLanes + l] = fit.x0[index * nx_ + i] + kStateShare[l % 4] * d(i);
+      for (std::uint32_t i = 0; i < nh; ++i)
+        rollout.unseen()[i * kLanes + l] =
+            fit.unseen[index * nh + i] + kStateShare[l % 4] * fit.unseen_sd[i] * d(nx_ + i);
     }
     double cost[kLanes];
-    lane_costs(scratch, index, cost);
+    lane_costs(scratch, index, fit, cost);
     for (std::uint32_t s = 0; s < 4; ++s) {
       std::uint32_t lane = 4 * s;
       for (std::uint32_t l = 4 * s + 1; l < 4 * s + 4; ++l)
         if (cost[l] < cost[lane] || !std::isfinite(cost[lane])) lane = l;
       best[n * 4 + s] = cost[lane];
-      for (std::uint32_t i = 0; i < nx_; ++i) x0[(n * 4 + s) * nx_ + i] = rollout.states()[i * kLanes + lane];
+      double* kept = start.data() + (n * 4 + s) * starts;
+      for (std::uint32_t i = 0; i < nx_; ++i) kept[i] = rollout.states()[i * kLanes + lane];
+      for (std::uint32_t i = 0; i < nh; ++i) kept[nx_ + i] = rollout.unseen()[i * kLanes + lane];
     }
   });
   for (std::size_t n = 0; n < which.size(); ++n)
@@ -218,8 +237,9 @@ double Shooting::try_steps(const Hypothesis& h, const std::vector<std::size_t>& 
   for (std::size_t n = 0; n < which.size(); ++n) {
     fit.cost[which[n]] = best[n * 4 + s];
     fit.data_cost += best[n * 4 + s];
-    std::copy_n(x0.begin() + static_cast<std::ptrdiff_t>((n * 4 + s) * nx_), nx_,
-                fit.x0.begin() + static_cast<std::ptrdiff_t>(which[n] * nx_));
+    const double* kept = start.data() + (n * 4 + s) * starts;
+    std::copy_n(kept, nx_, fit.x0.data() + which[n] * nx_);
+    std::copy_n(kept + nx_, nh, fit.unseen.data() + which[n] * nh);
   }
   fit.finite = true;
   return total[s];
@@ -231,8 +251,8 @@ double Shooting::rescue_window(Scratch& scratch, const Hypothesis& h, std::size_
   if (fit.cost[index] < kRescueSquares * static_cast<double>(whitening_.values(index))) return 0;
   const Window& w = windows_[index];
   WindowRollout& rollout = scratch.rollout;
-  for (std::uint32_t i = 0; i < h.config.param_count; ++i)
-    std::fill_n(rollout.params() + i * kLanes, kLanes, fit.params[i]);
+  fill_start(rollout, h, index, fit);
+  fill_params(rollout, h, fit);
   for (std::uint32_t i = 0; i < nx_; ++i) {
     const double now = fit.x0[index * nx_ + i], seen = w.x0[i];
     for (std::uint32_t l = 0; l < kLanes; ++l) {
@@ -247,7 +267,7 @@ double Shooting::rescue_window(Scratch& scratch, const Hypothesis& h, std::size_
     }
   }
   double cost[kLanes];
-  lane_costs(scratch, index, cost);
+  lane_costs(scratch, index, fit, cost);
   std::uint32_t lane = 0;
   for (std::uint32_t l = 1; l < kLanes; ++l)
     if (cost[l] < cost[lane]) lane = l;

@@ -14,6 +14,7 @@ WindowRollout::WindowRollout(const WindowData& data, const tiller_config_t& conf
     : data_(data), model_(*config.model), table_(select_rollout(*config.model)) {
   states_.resize(std::size_t{TILLER_MAX_STATES} * kLanes);
   params_.resize(std::size_t{TILLER_MAX_PARAMS} * kLanes);
+  unseen_.resize(kMostUnseen * kLanes);
   effect_states_.resize(std::size_t{TILLER_MAX_EFFECT_STATES + 1} * kLanes);
   final_effect_states_.resize(effect_states_.size());
   final_states_.resize(states_.size());
@@ -161,9 +162,17 @@ void WindowRollout::read_sensors(const Window& w) {
       }
 }
 
+const double* WindowRollout::effects_at_start(const Window& w) {
+  if (hypothesis_->setup.effect_state_count > 0) run_in(w);
+  return effect_states_.data();
+}
+
 const double* WindowRollout::run(const Window& w) {
   const StepSetup& setup = hypothesis_->setup;
-  if (setup.effect_state_count > 0) run_in(w);
+  effects_at_start(w);
+  for (std::size_t i = 0; i < hypothesis_->unseen.size(); ++i)
+    for (std::uint32_t l = 0; l < kLanes; ++l)
+      effect_states_[hypothesis_->unseen[i] * kLanes + l] += unseen_[i * kLanes + l];
   const std::uint32_t nx = model_.state_count, ny = hypothesis_->config.measurement_count;
   RolloutJob<double> job;
   job.setup = &setup;
@@ -186,7 +195,7 @@ const double* WindowRollout::run(const Window& w) {
 }
 
 std::size_t WindowRollout::bytes_for(const tiller_config_t& config, std::size_t points) {
-  const std::size_t lanes = 2 * std::size_t{TILLER_MAX_STATES} + TILLER_MAX_PARAMS +
+  const std::size_t lanes = 2 * std::size_t{TILLER_MAX_STATES} + TILLER_MAX_PARAMS + kMostUnseen +
                             2 * (TILLER_MAX_EFFECT_STATES + 1) +
                             (points + 1) * (config.model->state_count + config.measurement_count);
   return sizeof(double) * (lanes * kLanes + (TILLER_MAX_DELAY_STEPS + 2) * TILLER_MAX_INPUTS);

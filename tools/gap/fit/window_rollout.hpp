@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 #include "tools/gap/fit/hypothesis.hpp"
@@ -16,9 +17,16 @@ class WindowRollout {
   /// Takes its memory for windows of up to `points` points.
   WindowRollout(const WindowData& data, const tiller_config_t& config, std::size_t points);
 
-  void use(const Hypothesis& hypothesis) { hypothesis_ = &hypothesis; }
+  void use(const Hypothesis& hypothesis) {
+    hypothesis_ = &hypothesis;
+    std::fill(unseen_.begin(), unseen_.end(), 0.0);
+  }
   double* states() { return states_.data(); }  ///< (nx x lanes), to be filled
   double* params() { return params_.data(); }  ///< (np x lanes), to be filled
+  /// (unseen x lanes), to be filled: what is added to the hypothesis' unseen states at the window's start; 0 after use().
+  double* unseen() { return unseen_.data(); }
+  /// States of effects (states x lanes) at the window's start, without what is added; until the next run.
+  const double* effects_at_start(const Window& window);
   /// Predicted measurements (points * ny x lanes), until the next run.
   const double* run(const Window& window);
   /// ((points) * nx x lanes) of the last run.
@@ -40,8 +48,8 @@ class WindowRollout {
   const tiller_model_t& model_;
   const RolloutTable& table_;
   const Hypothesis* hypothesis_ = nullptr;
-  std::vector<double> states_, params_, effect_states_, final_effect_states_, final_states_, history_, trajectory_,
-      predicted_;
+  std::vector<double> states_, params_, unseen_, effect_states_, final_effect_states_, final_states_, history_,
+      trajectory_, predicted_;
 };
 
 }  // namespace tiller::tools::gap

@@ -170,6 +170,7 @@ void refit_by_own_weights(Session& s, Candidate& e, const FitSettings& settings)
   }
   own.dispersion = dispersion_of(s, e.hypothesis, own);
   own.cost = e.fit.cost;
+  own.unseen_cost = e.fit.unseen_cost;
   own.data_cost = e.fit.data_cost;
   own.penalty = e.fit.penalty;
   e.fit = own;

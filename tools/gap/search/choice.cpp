@@ -78,7 +78,9 @@ std::vector<std::size_t> Pool::rivals(std::size_t index) {
     const Candidate& e = entries[i];
     if (i == index || !e.decided || nested(best, e)) continue;
     if (e.effects().size() > best.effects().size() && e.hypothesis.freedom >= best.hypothesis.freedom) continue;
-    const Comparison c = compare(session_, best, e);
+    // what unseen states pay chooses between equals; it is no reason to keep silent about a mechanism
+    const double ahead = best.ahead_nats() + best.unseen_nats - e.ahead_nats() - e.unseen_nats;
+    const Comparison c = compare_on(session_, session_.work, best.cv_cost, e.cv_cost, ahead);
     if (c.significant(kRival_nats, kRival_z)) continue;
     // the same predictions from more parameters: the simpler has the name, but another mechanism is told (a rotor's
     // inertia, or that of a rotor behind a play that does not open)

@@ -47,12 +47,14 @@ struct Confirmer {
     if (!kept() || !e.test_cost.empty()) return;
     Fit fit = e.fit;
     if (!start_x0.empty()) fit.x0 = start_x0;
+    std::fill(fit.unseen.begin(), fit.unseen.end(), 0.0);
     FitSettings states;
     states.fix_params = true;
     states.iterations = 12;
     states.tolerance = 0.05;
     s.shooting->fit(e.hypothesis, s.test, states, fit);
     e.test_cost = fit.cost;
+    for (const std::size_t w : s.test) e.test_cost[w] += fit.unseen_cost[w];
     if (e.effects().empty()) start_x0 = fit.x0;
   }
 

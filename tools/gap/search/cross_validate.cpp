@@ -52,6 +52,7 @@ void cross_validate(Session& s, Candidate& entry) {
   const std::size_t nx = s.config.model->state_count;
   if (s.nominal_x0.empty()) s.nominal_x0 = entry.fit.x0;  // it is decided upon first
   entry.cv_cost.assign(s.windows.size(), 0.0);
+  entry.unseen_nats = 0;
   for (int f = 0; f < 2; ++f) {
     Fit fit = entry.fit;
     FitSettings settings;
@@ -63,12 +64,16 @@ void cross_validate(Session& s, Candidate& entry) {
     for (const std::size_t w : s.fold[f])
       std::copy_n(s.nominal_x0.begin() + static_cast<std::ptrdiff_t>(w * nx), nx,
                   fit.x0.begin() + static_cast<std::ptrdiff_t>(w * nx));
+    std::fill(fit.unseen.begin(), fit.unseen.end(), 0.0);
     FitSettings states;
     states.fix_params = true;
     states.iterations = 8;
     states.tolerance = 0.05;
     s.shooting->fit(entry.hypothesis, s.fold[f], states, fit);
-    for (const std::size_t w : s.fold[f]) entry.cv_cost[w] = fit.cost[w];
+    for (const std::size_t w : s.fold[f]) {
+      entry.cv_cost[w] = fit.cost[w];
+      entry.unseen_nats += 0.5 * fit.unseen_cost[w];
+    }
   }
   entry.choice_nats = choice_nats(s, entry.effects());
   // logs of before count as logs do

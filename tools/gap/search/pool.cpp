@@ -154,14 +154,21 @@ std::size_t Pool::without(std::size_t index, std::size_t member) {
     }
     at += count;
   }
-  if (const std::size_t known = find(rest); known != kNone) return known;
+  const std::size_t known = find(rest);
   Candidate e;
-  if (entries.size() + 1 >= kMostSets || !make_hypothesis(session_.config, rest, &session_.scales, e.hypothesis))
-    return kNone;
+  if (known == kNone && entries.size() + 1 >= kMostSets) return kNone;
+  if (!make_hypothesis(session_.config, rest, &session_.scales, e.hypothesis)) return known;
   e.fit = session_.shooting->begin(e.hypothesis, params, &entries[index].fit);
   FitSettings few;
   few.iterations = kFirstIterations;
   session_.shooting->fit(e.hypothesis, session_.work, few, e.fit);
+  if (known != kNone) {  // what was added may have led out of a valley that it was fitted into
+    const bool deeper = e.fit.finite && e.fit.total() < entries[known].fit.total() - 2 * kRicher_nats;
+    if (!deeper) return known;
+    e.enough = entries[known].enough;
+    entries[known] = std::move(e);
+    return known;
+  }
   if (!e.fit.finite) return kNone;
   entries.push_back(std::move(e));
   return entries.size() - 1;

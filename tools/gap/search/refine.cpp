@@ -46,7 +46,7 @@ void polish(Session& s, Candidate& entry) {
         }
         // a few windows tell whether the other valley is deeper
         double now = entry.fit.penalty;
-        for (const std::size_t w : s.screen) now += entry.fit.cost[w];
+        for (const std::size_t w : s.screen) now += entry.fit.charged(w);
         FitSettings quick;
         quick.iterations = kFirstIterations;
         s.shooting->fit(entry.hypothesis, s.screen, quick, fit);

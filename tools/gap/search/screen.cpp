@@ -54,7 +54,7 @@ class OutOfReach {
  public:
   OutOfReach(Session& s, const Candidate& base, bool fresh) : model_(*s.config.model), before_(base.fit.penalty) {
     if (model_.joint_count <= kFewJoints) return;
-    for (const std::size_t index : s.screen) before_ += base.fit.cost[index];
+    for (const std::size_t index : s.screen) before_ += base.fit.charged(index);
     reach_ = joint_reach(s, base);
     const double freedom = static_cast<double>(kReachShapes * s.screen.size());
     if (!fresh) chance_ = freedom + kChanceReach * std::sqrt(2 * freedom);

@@ -16,11 +16,12 @@ struct Candidate {
   Fit fit;                        ///< to all working windows
   std::vector<double> cv_cost;    ///< (working windows) cost under the parameters of the other fold
   std::vector<double> test_cost;  ///< (all windows) cost of those kept for the proof; empty until confirm() asks
-  double ahead_nats() const { return -choice_nats - prior_nats; }  ///< before any window is looked at
+  double ahead_nats() const { return -choice_nats - prior_nats - unseen_nats; }  ///< before any window is looked at
   double choice_nats =
-      0;                  ///< of choices made on both folds, which held-out costs do not show: spatial periods of scans
-  double prior_nats = 0;  ///< what the model's own parameters pay for their distance from their priors
-  double screened = 0;    ///< cost on the screen's windows, in coarse steps
+      0;  ///< of choices made on both folds, which held-out costs do not show: spatial periods of scans
+  double unseen_nats = 0;    ///< what unseen states of effects pay for being free in every window
+  double prior_nats = 0;     ///< what the model's own parameters pay for their distance from their priors
+  double screened = 0;       ///< cost on the screen's windows, in coarse steps
   double enough = INFINITY;  ///< a cost above it explains nothing that a subset does not
   bool full = false;         ///< fitted to the end
   bool decided = false;      ///< `cv_cost` is filled
