@@ -88,6 +88,8 @@ std::vector<double> fit_amplitude(const Setup& setup, std::vector<double> amplit
 /// One run. The noise belongs to the run's name.
 bool record(const Setup& setup, const std::vector<double>& amplitude, const std::string& name, double seconds,
             Series& series, std::string& error);
+bool record(const Setup& setup, Commander& commander, const std::string& name, std::size_t rows, Series& series,
+            std::string& error);
 /// Squared errors per channel of 1 s rollouts of the plant without effects, and how many.
 struct RolloutError {
   std::vector<double> squares;

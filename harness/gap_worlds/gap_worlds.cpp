@@ -29,6 +29,13 @@ std::uint64_t noise_seed(const Setup& setup, const std::string& name) {
 
 bool record(const Setup& setup, const std::vector<double>& amplitude, const std::string& name, double seconds,
             Series& series, std::string& error) {
+  const auto rows = static_cast<std::size_t>(std::lround(seconds / kWorldPeriod));
+  const auto commander = make_commander(setup, amplitude, name, rows, error);
+  return commander && record(setup, *commander, name, rows, series, error);
+}
+
+bool record(const Setup& setup, Commander& commander, const std::string& name, std::size_t rows, Series& series,
+            std::string& error) {
   sim::PlantOptions options = setup.options;
   options.seed = noise_seed(setup, name);
   options.process_noise_sd = setup.world.process_sd;
@@ -41,9 +48,6 @@ bool record(const Setup& setup, const std::vector<double>& amplitude, const std:
   }
   plant = sim::Plant::make(options, error);
   if (!plant) return false;
-  const auto rows = static_cast<std::size_t>(std::lround(seconds / kWorldPeriod));
-  const auto commander = make_commander(setup, amplitude, name, rows, error);
-  if (!commander) return false;
   std::vector<double> measured(plant->measurements().size()), clean(measured.size()), truth(plant->states().size()),
       command(plant->commands().size());
   series = Series{name, {}, {}, {}, {}, {}};
@@ -55,7 +59,7 @@ bool record(const Setup& setup, const std::vector<double>& amplitude, const std:
     plant->measure(measured.data());
     plant->measure_clean(clean.data());
     plant->true_state(truth.data());
-    commander->next(k, measured.data(), command.data());
+    commander.next(k, measured.data(), command.data());
     series.time_s.push_back(kWorldPeriod * static_cast<double>(k));
     for (std::size_t i = 0; i < measured.size(); ++i) series.measured[i].push_back(measured[i]);
     for (std::size_t i = 0; i < clean.size(); ++i) series.clean[i].push_back(clean[i]);
@@ -148,6 +152,29 @@ std::unique_ptr<World> make_world(const WorldCase& wanted, std::string& error, c
   answer.r = rms_r(squares, setup.sensor_sd);
   for (const double s : squares.squares) answer.r_by_channel.push_back(std::sqrt(s / squares.count) / setup.sensor_sd);
   return world;
+}
+
+namespace {
+
+class Played final : public Commander {
+ public:
+  Played(const std::vector<double>& input, std::size_t rows) : input_(input), inputs_(input.size() / rows) {}
+  void next(std::size_t row, const double*, double* command) override {
+    for (std::size_t i = 0; i < inputs_; ++i) command[i] = input_[row * inputs_ + i];
+  }
+
+ private:
+  const std::vector<double>& input_;
+  std::size_t inputs_;
+};
+
+}  // namespace
+
+bool play(const WorldCase& world, const std::string& name, const std::vector<double>& input, std::size_t rows,
+          Series& series, std::string& error) {
+  Setup setup;
+  Played commander(input, rows);
+  return make_setup(world, setup, error) && record(setup, commander, name, rows, series, error);
 }
 
 tools::Log as_log(const World& world, const Series& series) {

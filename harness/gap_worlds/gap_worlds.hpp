@@ -69,6 +69,10 @@ struct WorldSize {
 /// Null: `error` says why.
 std::unique_ptr<World> make_world(const WorldCase& world, std::string& error, const WorldSize& size = {});
 
+/// A run of the case's plant under given inputs, (rows x nu) at its control period; start and noise go by `name`.
+bool play(const WorldCase& world, const std::string& name, const std::vector<double>& input, std::size_t rows,
+          Series& series, std::string& error);
+
 /// A run as read_log() would give it from its file: columns in the model's order, rates NaN-free but absent.
 tools::Log as_log(const World& world, const Series& series);
 

@@ -59,21 +59,21 @@ class StopOnInterrupt {
   struct sigaction before_ {};
 };
 
-/// On a terminal one line that overwrites itself, elsewhere a line a step: the step, the time so far, the time left.
+/// On a terminal one line that overwrites itself, elsewhere a line a step: the step, the time so far, and on a terminal
+/// what the step still takes at the pace of what is done of it. How many steps follow goes by what this one finds.
 class StepLine {
  public:
   StepLine() : terminal_(isatty(STDERR_FILENO) != 0), started_(Clock::now()) {}
   ~StepLine() { clear(); }
   void show(const char* step, double share) {
     const bool next = last_ != step;
-    if (next && !last_.empty()) place_ = std::min(place_ + 1, std::size(kDone) - 2);
+    if (next) step_started_ = Clock::now();
     last_ = step;
     if (!terminal_ && !next) return;
-    const double done = kDone[place_] + share * (kDone[place_ + 1] - kDone[place_]);
-    const std::string text = step + times(done);
+    const std::string text = step + times(share);
     if (terminal_) {
       std::string bar(20, '.');
-      for (std::size_t i = 0; i < bar.size() && static_cast<double>(i) < done * 20; ++i) bar[i] = '#';
+      for (std::size_t i = 0; i < bar.size() && static_cast<double>(i) < share * 20; ++i) bar[i] = '#';
       std::fprintf(stderr, "\r\033[K[%s] %s", bar.c_str(), text.c_str());
       std::fflush(stderr);
     } else {
@@ -86,21 +86,17 @@ class StepLine {
 
  private:
   using Clock = std::chrono::steady_clock;
-  /// Share of the whole that is done when each step begins: the nominal fit, then screening and fitting in turn, for
-  /// one effect and for the second that is looked for beside it. A search that finds nothing ends earlier, one for
-  /// three effects later.
-  static constexpr double kDone[] = {0, 0.02, 0.3, 0.5, 0.72, 0.8, 0.93, 0.97, 1};
+  static double since_s(Clock::time_point then) { return std::chrono::duration<double>(Clock::now() - then).count(); }
 
-  std::string times(double done) const {
-    const double so_far_s = std::chrono::duration<double>(Clock::now() - started_).count();
-    if (so_far_s < 1) return "";
-    const std::string spent = ", " + format("%.0f", so_far_s) + " s";
-    return done < 0.1 || done >= 1 ? spent : spent + ", about " + format("%.0f", so_far_s * (1 / done - 1)) + " s left";
+  std::string times(double share) const {
+    if (since_s(started_) < 1) return "";
+    const std::string spent = ", " + format("%.0f", since_s(started_)) + " s";
+    const double left_s = since_s(step_started_) * (1 / std::max(share, 1e-9) - 1);
+    return share < 0.1 || left_s < 1 ? spent : spent + ", this step about " + format("%.0f", left_s) + " s more";
   }
 
   bool terminal_;
-  Clock::time_point started_;
-  std::size_t place_ = 0;
+  Clock::time_point started_, step_started_;
   std::string last_;
 };
 
