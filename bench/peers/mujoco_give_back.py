@@ -32,7 +32,7 @@ def tune(m, dice):
     """Changes of three joints, by what was hidden."""
     most = m.actuator_ctrlrange[:, 1]
     dry, damped, weak = dice.permutation(m.nv - 1)[:3]  # the last joint hardly moves anything
-    friction, damping, gain = dice.uniform(0.01, 0.03) * most[dry], dice.uniform(0.01, 0.04) * most[damped], dice.uniform(0.8, 0.93)
+    friction, damping, gain = dice.uniform(0.01, 0.03) * most[dry], dice.uniform(0.01, 0.04) * most[damped], dice.uniform(0.85, 0.95)
     m.dof_frictionloss[dry] += friction
     m.dof_damping[damped] += damping
     m.actuator_gainprm[weak, 0] *= gain
@@ -77,7 +77,7 @@ def record(mjcf, seed, folder):
             last = shown
             wanted_of.qpos[:], wanted_of.qvel[:] = place(t), (place(t + 1e-4) - place(t - 1e-4)) / 2e-4
             mujoco.mj_forward(nominal, wanted_of)
-            inertia, w = np.zeros((m.nv, m.nv)), 2 * math.pi * 0.8
+            inertia, w = np.zeros((m.nv, m.nv)), 2 * math.pi * 1.5
             mujoco.mj_fullM(nominal, wanted_of, inertia)
             command = wanted_of.qfrc_bias + inertia @ (w * w * (wanted_of.qpos - shown) + 1.6 * w * (wanted_of.qvel - rate))
             command = np.clip(command, *m.actuator_ctrlrange.T)

@@ -96,6 +96,29 @@ TEST(Engine, KnowsWhereSlowDrivesStandAtAWindowsStart) {
   expect_found(run(limit, 100032), "rate_limit", 1.5);
 }
 
+// As an import of a description writes it: friction with a number that the robot has not.
+TEST(Engine, TellsThatFrictionOfTheRobotFileIsAnother) {
+  Synthetic s = pendulum(1e-3);
+  s.force = [](double, double v, double, double) { return -0.15 * v; };
+  tiller::Config config = synthetic_config(s);
+  config.effects[config.effect_count++] = {tiller_effect_viscous_friction, 0};
+  const std::uint32_t damping = config.param_count;
+  config.priors[config.param_count++] = {tiller_prior_fixed, 0, 0.05, 0, 0.05, 0.05};
+  Options options;
+  options.max_effects = 2;
+  const Result r = find_gap_on(config, {"mass_kg", "length_m", "damping_Nms", "joint.damping_SI"},
+                               simulate_logs(s, 6, 100035), simulate_logs(s, 4, 100085), options);
+  std::printf("   %s\n", r.sentence.c_str());
+  ASSERT_EQ(r.verdict, Verdict::named);
+  EXPECT_EQ(r.ranking.front().effects, (std::vector<EffectAt>{{kChangedParameter, damping}}));
+  const Estimate& found = r.ranking.front().params[damping];
+  EXPECT_FALSE(found.fixed);
+  EXPECT_NEAR(found.mean, 0.15, 4 * found.sd);
+  EXPECT_LT(found.sd, 0.005);
+  EXPECT_EQ(found.before, 0.05);
+  EXPECT_LT(r.remaining_sigma, 1.05);
+}
+
 // Five turns a second that ring for a second, at every window's start: neither the commands nor the angle tell where the
 // rotor is. Taken at what a run-in gives, 2 sigma are left and the damping comes 60 % too large.
 TEST(Engine, FindsWhereARotorBehindASpringStands) {

@@ -79,6 +79,21 @@ void let_change(const tiller_config_t& config, double was, FreeParam& f) {
   }
 }
 
+// The only parameter of an effect that the robot file has, as free as that of a new one.
+void let_effect_change(const tiller_config_t& config, const Scales* scales, FreeParam& f) {
+  std::uint32_t at = config.model->param_count;
+  for (std::uint32_t e = 0; e < config.effect_count; ++e) {
+    const tiller_effect_t& effect = config.effects[e];
+    const EffectInfo& info = effect_info(effect.kind);
+    if (f.index == at) {
+      f.scale = scales ? scale_of(*scales, *config.model, effect.kind, effect.port, 0) : 1.0;
+      bound(effect.kind, info.params[0], config, f);
+      f.prior = {tiller_prior_uniform, 0, 0, 0, f.low, f.high};
+    }
+    at += static_cast<std::uint32_t>(info.param_count);
+  }
+}
+
 // The logs of before on the parameters that stay: the changed ones are marginalised, for what they were says nothing of
 // what they are.
 void take_before(const ModelFit& before, const std::vector<EffectAt>& added, Hypothesis& h) {
@@ -152,6 +167,8 @@ bool make_hypothesis(const tiller_config_t& nominal, const std::vector<EffectAt>
     if (scales && scales->before) {
       if (changed) let_change(nominal, scales->before->mean[i], f);
       f.prior = {tiller_prior_uniform, 0, 0, 0, f.low, f.high};
+    } else if (changed) {
+      let_effect_change(nominal, scales, f);
     }
     out.free.push_back(f);
     out.freedom += changed ? (prior.kind == tiller_prior_fixed ? 1 : 2) : 1;

@@ -27,6 +27,8 @@
 namespace tiller::tools::gap {
 namespace {
 
+constexpr std::uint32_t kNoParameter = UINT32_MAX;
+
 double cpu_now_s() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
 
 bool is_measured(const tiller_config_t& config, std::uint32_t state) {
@@ -60,7 +62,17 @@ std::vector<std::uint32_t> places_of(const tiller_model_t& model, const EffectIn
   return places;
 }
 
-// Everything of the catalogue at every place that it fits and that the robot file does not have there.
+// The fixed parameter of an effect that has no other, as an import writes friction that a description states: what the
+// robot file says of it may be wrong. None: no such effect, or a fit moves it anyway.
+std::uint32_t fixed_parameter(const tiller_config_t& config, std::uint32_t effect) {
+  std::uint32_t at = config.model->param_count;
+  for (std::uint32_t i = 0; i < effect; ++i)
+    at += static_cast<std::uint32_t>(effect_info(config.effects[i].kind).param_count);
+  const bool only = effect_info(config.effects[effect].kind).param_count == 1;
+  return only && config.priors[at].kind == tiller_prior_fixed ? at : kNoParameter;
+}
+
+// Everything of the catalogue at every place that it fits; where the robot file has it there, its other value.
 std::vector<EffectAt> candidates_of(const tiller_config_t& config, const Options& options,
                                     const std::vector<bool>& moves) {
   if (!options.given.empty()) return options.given;
@@ -76,8 +88,12 @@ std::vector<EffectAt> candidates_of(const tiller_config_t& config, const Options
       if (!is_driven(*config.model, info, port, moves)) continue;
       const EffectAt e{kind, port};
       bool there = false;
-      for (std::uint32_t i = 0; i < config.effect_count; ++i)
-        there = there || (config.effects[i].kind == kind && config.effects[i].port == port);
+      for (std::uint32_t i = 0; i < config.effect_count; ++i) {
+        if (config.effects[i].kind != kind || config.effects[i].port != port) continue;
+        there = true;
+        const std::uint32_t param = options.before ? kNoParameter : fixed_parameter(config, i);
+        if (param != kNoParameter) list.push_back({kChangedParameter, param});
+      }
       if (!there) list.push_back(e);
     }
   }

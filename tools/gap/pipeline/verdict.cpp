@@ -12,6 +12,7 @@
 #include "tools/gap/pipeline/change.hpp"
 #include "tools/gap/result/thresholds.hpp"
 #include "tools/gap/search/equivalent_forms.hpp"
+#include "tools/gap/search/relations.hpp"
 #include "tools/robot/units.hpp"
 
 namespace tiller::tools::gap {
@@ -87,11 +88,15 @@ std::string separations(const Session& s, const std::vector<const Candidate*>& s
 }
 
 std::string parameter_text(const Explanation& e, std::size_t own) {
-  std::string text;
-  for (std::size_t i = own; i < e.params.size(); ++i)
-    text += (text.empty() ? "" : ", ") + e.params[i].name + " = " + format("%.4g", e.params[i].mean) + " +- " +
-            format("%.2g", e.params[i].sd) + " " + e.params[i].unit;
-  return text;
+  Words values;
+  const auto value = [](const Estimate& p) {
+    return p.name + " = " + format("%.4g", p.mean) + " +- " + format("%.2g", p.sd) + " " + p.unit;
+  };
+  for (const EffectAt& effect : e.effects)
+    if (effect.kind == kChangedParameter)
+      values.push_back(value(e.params[effect.port]) + " instead of " + format("%.4g", e.params[effect.port].before));
+  for (std::size_t i = own; i < e.params.size(); ++i) values.push_back(value(e.params[i]));
+  return join(values, ", ");
 }
 
 }  // namespace
@@ -390,6 +395,23 @@ void say_too_small(const Answer& a, Result& result) {
   result.changes.clear();
 }
 
+// Effects of a set that could imitate together what is none of them: all, or on machines of many joints those of one
+// joint, since what acts at another explains another motion.
+std::size_t most_together(const Session& s, const std::vector<EffectAt>& effects) {
+  const tiller_model_t& model = *s.config.model;
+  if (model.joint_count <= kFewJoints) return name_count(effects);
+  std::size_t most = 0;
+  for (std::uint32_t joint = 0; joint <= model.joint_count; ++joint) {  // the last: what is at none
+    std::vector<EffectAt> here;
+    for (const EffectAt& e : effects) {
+      const EffectAt at = as_new_effect(e, s.config);
+      if (joint_of(model, at.kind, at.port) == joint) here.push_back(e);
+    }
+    most = std::max(most, name_count(here));
+  }
+  return most;
+}
+
 void say_verdict(const Answer& answer, Result& result) {
   const Session& s = answer.s;
   const SearchResult& found = answer.found;
@@ -401,7 +423,8 @@ void say_verdict(const Answer& answer, Result& result) {
   }
   if (changes_nothing(answer, result)) return say_too_small(answer, result);
   if (const HorizonGap* worse = worse_horizon(result)) return say_refuted(answer, *worse, result);
-  if (answer.left > kExplained_sigma || name_count(answer.best().effects()) > 2) return say_nearest(answer, result);
+  if (answer.left > kExplained_sigma || most_together(s, answer.best().effects()) > 2)
+    return say_nearest(answer, result);
   say_named(answer, result);
 }
 

@@ -148,6 +148,7 @@ std::size_t Pool::without(std::size_t index, std::size_t member) {
   std::size_t at = params.size();
   for (std::size_t i = 0; i < effects.size(); ++i) {
     const std::size_t count = static_cast<std::size_t>(info_of(effects[i].kind).param_count);
+    if (i == member) take_back(session_, effects[i], params);
     if (i != member) {
       rest.push_back(effects[i]);
       for (std::size_t k = 0; k < count; ++k) params.push_back(entries[index].fit.params[at + k]);

@@ -19,8 +19,14 @@ bool covers(const EffectAt& rich, const EffectAt& simple, int depth = 3) {
   return false;
 }
 
-// A new value of an effect's only parameter is that effect once more (friction 0.1 -> 0.3 N m, and 0.2 N m of friction
-// beside the first).
+bool lists(const EffectInfo& a, const char* name) {
+  const auto is = [&](const char* n) { return n != nullptr && std::strcmp(n, name) == 0; };
+  return std::any_of(std::begin(a.contains), std::end(a.contains), is) ||
+         std::any_of(std::begin(a.aliases), std::end(a.aliases), is);
+}
+
+}  // namespace
+
 EffectAt as_new_effect(const EffectAt& e, const tiller_config_t& config) {
   if (e.kind != kChangedParameter) return e;
   std::uint32_t at = config.model->param_count;
@@ -31,14 +37,6 @@ EffectAt as_new_effect(const EffectAt& e, const tiller_config_t& config) {
   }
   return e;
 }
-
-bool lists(const EffectInfo& a, const char* name) {
-  const auto is = [&](const char* n) { return n != nullptr && std::strcmp(n, name) == 0; };
-  return std::any_of(std::begin(a.contains), std::end(a.contains), is) ||
-         std::any_of(std::begin(a.aliases), std::end(a.aliases), is);
-}
-
-}  // namespace
 
 bool same_set(const std::vector<EffectAt>& a, const std::vector<EffectAt>& b) {
   if (a.size() != b.size()) return false;

@@ -9,6 +9,10 @@ namespace tiller::tools::gap {
 /// The same effects at the same ports, in any order.
 bool same_set(const std::vector<EffectAt>& a, const std::vector<EffectAt>& b);
 
+/// A new value of an effect's only parameter is that effect once more (friction 0.1 -> 0.3 N m, and 0.2 N m of friction
+/// beside the first); others as they are.
+EffectAt as_new_effect(const EffectAt& effect, const tiller_config_t& config);
+
 /// `simple` is a special case of `rich`: each of its effects is one of rich's or contained in one.
 bool nested(const Candidate& simple, const Candidate& rich);
 

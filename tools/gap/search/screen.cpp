@@ -7,6 +7,7 @@
 #include "effects/effect_roles.hpp"
 #include "tools/gap/result/thresholds.hpp"
 #include "tools/gap/search/joint_reach.hpp"
+#include "tools/gap/search/relations.hpp"
 #include "tools/gap/search/spatial_period_scan.hpp"
 
 namespace tiller::tools::gap {
@@ -52,7 +53,8 @@ std::vector<std::vector<double>> first_starts(const Session& s, const EffectAt& 
 /// and the answer costs less than they do.
 class OutOfReach {
  public:
-  OutOfReach(Session& s, const Candidate& base, bool fresh) : model_(*s.config.model), before_(base.fit.penalty) {
+  OutOfReach(Session& s, const Candidate& base, bool fresh)
+      : config_(s.config), model_(*s.config.model), before_(base.fit.penalty) {
     if (model_.joint_count <= kFewJoints) return;
     for (const std::size_t index : s.screen) before_ += base.fit.charged(index);
     reach_ = joint_reach(s, base);
@@ -60,7 +62,8 @@ class OutOfReach {
     if (!fresh) chance_ = freedom + kChanceReach * std::sqrt(2 * freedom);
   }
   bool many_joints() const { return !reach_.empty(); }
-  bool has(const EffectAt& e) const {
+  bool has(const EffectAt& one) const {
+    const EffectAt e = as_new_effect(one, config_);
     if (reach_.empty() || e.kind == kChangedParameter || e.port == TILLER_EVERY_PORT) return false;
     const PortKind port = info_of(e.kind).port;
     const std::uint32_t joint = joint_of(model_, e.kind, e.port);
@@ -70,12 +73,18 @@ class OutOfReach {
   void take(const Candidate& fitted) { most_ = std::max(most_, before_ - fitted.fit.total()); }
 
  private:
+  const tiller_config_t& config_;
   const tiller_model_t& model_;
   double before_, most_ = 0, chance_ = 0;
   std::vector<double> reach_;
 };
 
 }  // namespace
+
+void take_back(const Session& s, const EffectAt& effect, std::vector<double>& params) {
+  if (effect.kind != kChangedParameter) return;
+  params[effect.port] = s.options.before ? s.options.before->mean[effect.port] : prior_centre(s.config)[effect.port];
+}
 
 std::vector<double> centre_of_own(const Session& s, const Candidate& base) {
   std::vector<double> params = base.fit.params;

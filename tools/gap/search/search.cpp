@@ -84,6 +84,7 @@ void Searcher::exchange() {
       if (pool_.find(set) != Pool::kNone || !make_hypothesis(s_.config, set, &s_.scales, entry.hypothesis)) continue;
       entry.hypothesis.setup.substeps = s_.coarse_substeps;
       std::vector<double> rest = pool_.entries[index].fit.params;
+      take_back(s_, effects[i], rest);
       rest.erase(rest.begin() + static_cast<std::ptrdiff_t>(at),
                  rest.begin() + static_cast<std::ptrdiff_t>(at + count));
       fit_from(s_, rest, pool_.entries[index].fit, starts_of(s_, e), 2, false, entry);

@@ -61,4 +61,7 @@ struct Session {
   double sigma(const std::vector<double>& cost, const std::vector<std::size_t>& which) const;
 };
 
+/// A set without this effect: what it made of the robot file's own parameters is what it was.
+void take_back(const Session& s, const EffectAt& effect, std::vector<double>& params);
+
 }  // namespace tiller::tools::gap
