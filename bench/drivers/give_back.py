@@ -35,6 +35,7 @@ def run_arm(seed, mjcf, options):
     subprocess.run([python, maker, "record", mjcf, str(seed), folder], check=True)
     began = time.monotonic()
     patched = mjcf.with_name(f"found_{seed}.xml")  # beside the meshes
+    patched.unlink(missing_ok=True)
     done = subprocess.run([TILLER, "gap", options.out / "model/robot.toml", *sorted(folder.glob("log_*.csv")), "--threads",
                            str(options.threads), "-o", folder / "gap", "--description", mjcf, "--write-mjcf", patched, "--json"],
                           capture_output=True, text=True, check=False, env=environment)

@@ -23,6 +23,7 @@ using tools::gap::Rival;
 using tools::gap::Separation;
 
 constexpr std::size_t kFewLogs = 1;                  // with more of them little is ambiguous
+constexpr double kLeastPlayed = 3;                   // several times, as docs/guide/excite.md advises
 constexpr double kSeconds = 8.0, kMoreTravel = 1.3;  // kMoreTravel: than in the logs, at most
 
 EffectSet names_of(const std::vector<EffectAt>& effects, const tiller_model_t& model) {
@@ -65,8 +66,7 @@ struct Experiment {
       const bool first = joined(names(pair.a)) == joined(truth), second = joined(names(pair.b)) == joined(truth);
       if (!pair.separable || (!first && !second)) continue;
       const std::size_t true_one = first ? pair.a : pair.b, other = first ? pair.b : pair.a;
-      // of two that are nested only the larger one's being true shows
-      if (pair.nested && contains(rivals[other], rivals[true_one])) continue;
+      if (pair.nested && true_one == pair.b) continue;  // a can do what b does: that it is b does not show
       gone.push_back(names(other));
     }
     return gone;
@@ -90,15 +90,17 @@ struct Experiment {
 
   // The answer with so many runs of the sequence beside the old logs.
   bool ask(const tools::gap::InputSequence& sequence, const std::string& name, std::size_t runs,
-           std::vector<EffectSet>& sets, std::string& error) const {
+           std::vector<EffectSet>& sets, std::string& said) const {
     std::vector<tools::Log> all = logs;
     for (std::size_t i = 0; i < runs; ++i) {
       Series series;
-      if (!play(world.answer.world, name + std::to_string(i + 1), sequence.value, sequence.points(), series, error))
+      if (!play(world.answer.world, name + std::to_string(i + 1), sequence.value, sequence.points(), series, said))
         return false;
       all.push_back(as_log(world, series));
     }
-    sets = sets_of(tools::gap::find_gap_in(robot, all, {}, {}), *robot.config.model);
+    const Result result = tools::gap::find_gap_in(robot, all, {}, {});
+    sets = sets_of(result, *robot.config.model);
+    said = result.sentence;
     return true;
   }
 
@@ -142,8 +144,9 @@ ExciteRow run_excite(const GapCase& c, const std::string& folder) {
   if (!read_rivals(*robot, report, e.rivals, row.note) || !e.propose(row.note) || e.promised().empty()) return end();
   row.record_s = e.proposal.record_s;
   const double length = e.proposal.sequence.seconds();
-  const auto runs =
-      static_cast<std::size_t>(std::clamp(std::ceil(row.record_s / length), 1.0, static_cast<double>(kMostPlayed)));
+  const auto runs = static_cast<std::size_t>(std::max(kLeastPlayed, std::ceil(row.record_s / length)));
+  row.outcome = "too_long";
+  if (runs > kMostPlayed) return end();
   row.played_s = static_cast<double>(runs) * length;
   std::vector<tools::gap::InputRange> range;
   const tiller_safety_config_t& s = robot->config.safety;
@@ -152,11 +155,13 @@ ExciteRow run_excite(const GapCase& c, const std::string& folder) {
   const tools::gap::InputSequence plain =
       default_multisine(range, e.proposal.rms, e.proposal.sequence.period_s, length);
   std::vector<EffectSet> after, beside;
-  if (!e.ask(e.proposal.sequence, "excite_", runs, after, row.note) ||
-      !e.ask(plain, "multisine_", runs, beside, row.note)) {
+  std::string said;
+  if (!e.ask(plain, "multisine_", runs, beside, row.note) ||
+      !e.ask(e.proposal.sequence, "excite_", runs, after, said)) {
     row.outcome = "no_world";
     return end();
   }
+  row.note = said + " // " + row.note;
   row.after = text_of(after);
   row.multisine_after = text_of(beside);
   row.outcome = e.outcome(after);

@@ -12,13 +12,13 @@ namespace tiller::bench {
 struct ExciteRow {
   std::string id;
   /// "kept": the promise was kept; "short": a rival promised to go is still there; "lost": the truth is no longer in the
-  /// set; "no_promise": nothing separates these; "clear": the world is not ambiguous; "no_world".
+  /// set; "no_promise": nothing separates these; "too_long": promised after more than kMostPlayed sequences; "clear": the world is not ambiguous; "no_world".
   std::string outcome = "no_world", multisine_outcome;
   std::string truth, before, after, multisine_after;  ///< sets, as in GapRow
   double record_s = 0;                                ///< as promised
-  double played_s = 0;                                ///< whole sequences, at most kMostPlayed
+  double played_s = 0;                                ///< whole sequences
   double cpu_s = 0;
-  std::string note;
+  std::string note;  ///< what `tiller gap` says in the end, of the multisine behind "//"; or what went wrong
 };
 
 constexpr std::size_t kMostPlayed = 6;

@@ -116,6 +116,7 @@ TEST(Engine, TellsThatFrictionOfTheRobotFileIsAnother) {
   EXPECT_NEAR(found.mean, 0.15, 4 * found.sd);
   EXPECT_LT(found.sd, 0.005);
   EXPECT_EQ(found.before, 0.05);
+  EXPECT_EQ(found.before_sd, 0.0);
   EXPECT_LT(r.remaining_sigma, 1.05);
 }
 

@@ -67,8 +67,9 @@ class StepLine {
   ~StepLine() { clear(); }
   void show(const char* step, double share) {
     const bool next = last_ != step;
-    if (next) step_started_ = Clock::now();
+    if (next || share < last_share_) step_started_ = Clock::now();  // several bases are screened one after the other
     last_ = step;
+    last_share_ = share;
     if (!terminal_ && !next) return;
     const std::string text = step + times(share);
     if (terminal_) {
@@ -97,6 +98,7 @@ class StepLine {
 
   bool terminal_;
   Clock::time_point started_, step_started_;
+  double last_share_ = 0;
   std::string last_;
 };
 
@@ -259,11 +261,14 @@ std::string wrong_description(const GapOptions& options, const RobotFile& robot)
 bool write_results(const GapOptions& options, const RobotFile& robot, const std::string& old_text,
                    const gap::Result& result, std::string& json) {
   std::string new_robot, error;
-  bool good = write_new_robot(options, robot, old_text, result, new_robot);
-  json = gap::gap_json(robot, options.find, result, new_robot);
   const fs::path file = fs::path(options.folder) / "gap.json", page = fs::path(options.folder) / "gap.html";
+  // what was found is kept whatever becomes of a residual, which may take minutes
+  json = gap::gap_json(robot, options.find, result, "");
   if (!replace_file(file.string(), json, error)) return complain(error), false;
-  good = write_description(options, robot, result, file.string()) && good;
+  bool good = write_description(options, robot, result, file.string());
+  good = write_new_robot(options, robot, old_text, result, new_robot) && good;
+  json = gap::gap_json(robot, options.find, result, new_robot);
+  if (!replace_file(file.string(), json, error)) return complain(error), false;
   if (!draw_page("gap_report", file.string(), page.string(), error)) {
     complain(error);
     good = false;

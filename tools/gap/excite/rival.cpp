@@ -250,13 +250,25 @@ namespace {
 /// An explanation of a gap.json as a rival: its effects, and its estimates of every parameter.
 bool rival_of(const RobotFile& robot, const nlohmann::json& explanation, Rival& r, std::string& error) {
   Words parts;
-  for (const auto& e : explanation.at("effects"))
-    parts.push_back(e.at("kind").get<std::string>() + "@" + e.at("port").get<std::string>());
+  Words changed;  // of the robot file's own parameters
+  for (const auto& e : explanation.at("effects")) {
+    const auto port = e.at("port").get<std::string>();
+    if (e.value("port_kind", "") == "parameter")
+      changed.push_back(port);
+    else
+      parts.push_back(e.at("kind").get<std::string>() + "@" + port);
+  }
   if (!parse_rival(robot, parts.empty() ? "nominal" : join(parts, "+"), r, error)) return false;
   for (const auto& p : explanation.at("parameters")) {
     const int index = index_of(r.params, p.at("name").get<std::string>());
     if (index < 0 || !p.at("mean").is_number()) continue;
     const auto i = static_cast<std::size_t>(index);
+    if (std::find(changed.begin(), changed.end(), r.params[i]) != changed.end()) {
+      r.low[i] = r.low[i] < 0 ? -HUGE_VAL : 0;
+      r.high[i] = HUGE_VAL;
+      r.spread[i] = std::max(std::fabs(p.at("mean").get<double>()), 1e-9);
+      r.config.priors[i] = {tiller_prior_fixed, 0, p.at("mean").get<double>(), 0, 0, 0};
+    }
     r.value[i] = std::clamp(p.at("mean").get<double>(), r.low[i], r.high[i]);
     r.given[i] = true;
     if (i >= robot.names.params.size() && r.config.priors[i].kind == tiller_prior_fixed)

@@ -143,7 +143,7 @@ std::vector<std::uint32_t> unseen_states(const StepSetup& setup) {
     if (!info.needs_drive || info.state_count < static_cast<int>(kOfARotor)) continue;
     for (std::uint32_t i = 0; i < kOfARotor; ++i) rows.push_back(setup.effects[e].state + i);
   }
-  if (rows.size() > kMostUnseen) rows.clear();
+  rows.resize(std::min(rows.size(), kMostUnseen));
   return rows;
 }
 

@@ -29,7 +29,7 @@ struct Hypothesis {
   bool sensors = false;         ///< an effect changes what is measured
   bool follows = false;         ///< an effect has states that follow the motion
   /// Rows of effect states that neither commands nor the measured path tell: a rotor behind a spring or a play rings on
-  /// its own. Their place at a window's start is fitted with its start state. At most kMostUnseen, else none.
+  /// its own. Their place at a window's start is fitted with its start state. The first kMostUnseen of them.
   std::vector<std::uint32_t> unseen;
   std::uint32_t own_params = 0;  ///< parameters of the robot file's own model and effects
   std::size_t freedom = 0;       ///< free parameters; a changed one counts twice, for it was free before

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "effects/effect_info.hpp"
 #include "tools/gap/fit/elimination.hpp"
 #include "tools/gap/fit/unseen.hpp"
 
@@ -16,6 +17,18 @@ std::size_t most_points(const std::vector<Window>& windows) {
   std::size_t most = 0;
   for (const Window& w : windows) most = std::max<std::size_t>(most, w.points);
   return most;
+}
+
+// Of each unseen state.
+std::vector<EffectAt> owners_of(const Hypothesis& h) {
+  std::vector<EffectAt> owners;
+  for (const std::uint32_t row : h.unseen)
+    for (std::uint32_t e = 0; e < h.setup.effect_count; ++e) {
+      const EffectSlot& slot = h.setup.effects[e];
+      const auto count = static_cast<std::uint32_t>(effect_info(slot.kind).state_count);
+      if (row >= slot.state && row < slot.state + count) owners.push_back({slot.kind, slot.port});
+    }
+  return owners;
 }
 
 }  // namespace
@@ -64,7 +77,7 @@ Fit Shooting::begin(const Hypothesis& h, const std::vector<double>& params, cons
   fit.params.resize(h.config.param_count);
   if (warm) {
     fit.x0 = warm->x0;
-    if (warm->unseen.size() == windows_.size() * h.unseen.size()) fit.unseen = warm->unseen;
+    if (warm->unseen_of == owners_of(h)) fit.unseen = warm->unseen;
   } else {
     for (const Window& w : windows_) fit.x0.insert(fit.x0.end(), w.x0, w.x0 + nx_);
   }
@@ -87,6 +100,7 @@ void Shooting::fill_start(WindowRollout& rollout, const Hypothesis& h, std::size
 
 void Shooting::measure_unseen(const Hypothesis& h, Fit& fit) {
   const std::size_t count = h.unseen.size(), some = std::min(windows_.size(), kUnseenWindows);
+  fit.unseen_of = owners_of(h);
   if (fit.unseen.size() != windows_.size() * count) fit.unseen.assign(windows_.size() * count, 0.0);
   fit.unseen_sd.assign(count, 0.0);
   if (count == 0) return;

@@ -15,6 +15,7 @@ struct Fit {
   std::vector<double> x0;      ///< (all windows x nx); those of the windows fitted are moved
   /// (all windows x unseen) added to the unseen states of effects at a window's start; (unseen) what is likely of it.
   std::vector<double> unseen, unseen_sd;
+  std::vector<EffectAt> unseen_of;  ///< (unseen) the effect that each belongs to
   std::vector<double> cost;         ///< (all windows) squares of whitened residuals; of the windows fitted
   std::vector<double> unseen_cost;  ///< (all windows) twice the nats that unseen states pay for being free
   double data_cost = 0;             ///< sum of both

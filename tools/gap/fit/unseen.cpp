@@ -15,6 +15,9 @@ Eigen::LDLT<UnseenSquare> posterior(const Told& t, const UnseenVector& sd) {
   return Eigen::LDLT<UnseenSquare>(a);
 }
 
+// The information times where the likelihood alone has it: `found` is under the fit's own prior of deviation one.
+UnseenVector pull_of(const Told& t) { return t.information * t.found + t.found; }
+
 UnseenVector roots(const UnseenVector& variance) {
   UnseenVector sd = variance;
   for (Eigen::Index i = 0; i < sd.size(); ++i) sd(i) = std::sqrt(sd(i));
@@ -41,7 +44,7 @@ UnseenVector likely_variance(const std::vector<Told>& told) {
     UnseenVector sum = UnseenVector::Zero(n);
     for (const Told& t : told) {
       const Eigen::LDLT<UnseenSquare> factor = posterior(t, sd);
-      const UnseenVector pull = sd.asDiagonal() * (t.information * t.found);
+      const UnseenVector pull = sd.asDiagonal() * pull_of(t);
       const UnseenVector mean = sd.asDiagonal() * factor.solve(pull);
       const UnseenSquare left = factor.solve(UnseenSquare(UnseenSquare::Identity(n, n)));
       for (Eigen::Index i = 0; i < n; ++i) sum(i) += mean(i) * mean(i) + variance(i) * left(i, i);
@@ -54,7 +57,7 @@ UnseenVector likely_variance(const std::vector<Told>& told) {
 double price_of(const Told& t, const UnseenVector& variance) {
   const UnseenVector sd = roots(variance);
   const Eigen::LDLT<UnseenSquare> factor = posterior(t, sd);
-  const UnseenVector pull = t.information * t.found, scaled = sd.asDiagonal() * pull;
+  const UnseenVector pull = pull_of(t), scaled = sd.asDiagonal() * pull;
   const UnseenVector d = factor.vectorD();
   double sum = pull.dot(t.found) - scaled.dot(factor.solve(scaled));
   for (Eigen::Index i = 0; i < d.size(); ++i) sum += std::log(std::max(1e-300, d(i)));

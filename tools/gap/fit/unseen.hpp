@@ -17,7 +17,7 @@ using UnseenVector = Vector<kMostUnseen>;
 /// What a window tells of it, start states eliminated, in units of the width that the fit leaves.
 struct Told {
   UnseenSquare information;
-  UnseenVector found;  ///< where the fit has it
+  UnseenVector found;  ///< where the fit has it, under its prior of deviation one
 };
 
 /// gram: of the window's start with the fit's own prior in it, states first (nx), then `found`.

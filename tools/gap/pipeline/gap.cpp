@@ -6,6 +6,7 @@
 #include <set>
 
 #include "effects/effect_info.hpp"
+#include "effects/effect_roles.hpp"
 #include "tiller/config.hpp"
 #include "tools/base/text.hpp"
 #include "tools/gap/fit/fine_steps.hpp"
@@ -63,12 +64,14 @@ std::vector<std::uint32_t> places_of(const tiller_model_t& model, const EffectIn
 }
 
 // The fixed parameter of an effect that has no other, as an import writes friction that a description states: what the
-// robot file says of it may be wrong. None: no such effect, or a fit moves it anyway.
+// robot file says of it may be wrong. None: no such effect, one that may be off or in a dead spot (a limit, a width) or
+// that sizes the memory (a delay), or a fit moves it anyway.
 std::uint32_t fixed_parameter(const tiller_config_t& config, std::uint32_t effect) {
   std::uint32_t at = config.model->param_count;
   for (std::uint32_t i = 0; i < effect; ++i)
     at += static_cast<std::uint32_t>(effect_info(config.effects[i].kind).param_count);
-  const bool only = effect_info(config.effects[effect].kind).param_count == 1;
+  const std::uint32_t kind = config.effects[effect].kind;
+  const bool only = effect_info(kind).param_count == 1 && !has_role(kind, kDelay | kLimit | kWidth);
   return only && config.priors[at].kind == tiller_prior_fixed ? at : kNoParameter;
 }
 

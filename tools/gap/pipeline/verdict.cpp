@@ -66,11 +66,15 @@ std::vector<Estimate> estimates(const Session& s, const Candidate& e, const Cand
     p.low = std::max(free.low, p.mean - reach * p.sd);
     p.high = std::min(free.high, p.mean + reach * p.sd);
     if (s.options.before) continue;  // the free ones need not be the same
-    if (f < before.size()) p.before_sd = std::min(before[f], widest_sd(free, p.before));
     if (f < edges.size()) p.edge = edges[f];
+    const std::vector<FreeParam>& own = nominal.hypothesis.free;
+    const auto same = std::find_if(own.begin(), own.end(), [&](const FreeParam& x) { return x.index == free.index; });
+    if (same == own.end()) continue;
+    const auto n = static_cast<std::size_t>(same - own.begin());
+    if (n < before.size()) p.before_sd = std::min(before[n], widest_sd(free, p.before));
     // an effect that does what the parameter may not leaves it where it was
-    if (p.edge.side == EdgeSide::none && f < held.size() && held[f].at_bound && p.mean == held[f].bound)
-      p.edge = held[f];
+    if (p.edge.side == EdgeSide::none && n < held.size() && held[n].at_bound && p.mean == held[n].bound)
+      p.edge = held[n];
   }
   return list;
 }
@@ -401,11 +405,14 @@ std::size_t most_together(const Session& s, const std::vector<EffectAt>& effects
   const tiller_model_t& model = *s.config.model;
   if (model.joint_count <= kFewJoints) return name_count(effects);
   std::size_t most = 0;
-  for (std::uint32_t joint = 0; joint <= model.joint_count; ++joint) {  // the last: what is at none
+  for (std::uint32_t joint = 0; joint < model.joint_count; ++joint) {
     std::vector<EffectAt> here;
     for (const EffectAt& e : effects) {
       const EffectAt at = as_new_effect(e, s.config);
-      if (joint_of(model, at.kind, at.port) == joint) here.push_back(e);
+      const std::uint32_t own = joint_of(model, at.kind, at.port);
+      const bool everywhere = own >= model.joint_count || at.port == TILLER_EVERY_PORT ||
+                              at.kind == kChangedParameter || info_of(at.kind).port == PortKind::body;
+      if (everywhere || own == joint) here.push_back(e);
     }
     most = std::max(most, name_count(here));
   }

@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <numeric>
+#include <string>
 
 #include "tools/gap/result/thresholds.hpp"
 #include "tools/gap/search/spatial_period_scan.hpp"
@@ -9,22 +12,54 @@
 namespace tiller::tools::gap {
 namespace {
 
-// Mean over windows in standard errors; single windows cannot decide, so differences are clipped.
-double paired_z(std::vector<double> d) {
+// A window's difference, and the log that it is of.
+struct Difference {
+  double nats = 0;
+  const std::string* log = nullptr;
+};
+
+double scatter(const std::vector<double>& of) {
+  if (of.size() < 2) return 0.0;
+  const double n = static_cast<double>(of.size()), mean = std::accumulate(of.begin(), of.end(), 0.0) / n;
+  double squares = 0;
+  for (const double v : of) squares += (v - mean) * (v - mean);
+  return squares * n / (n - 1);
+}
+
+// The sum's variance, from squares about each log's own mean: a log in which little moves tells nothing of how sure one
+// is of another (stratified sampling; Cochran 1977, chapter 5). About the common mean where a log contradicts the sum by
+// more than its own error, or one has too few windows to tell.
+double variance_of_sum(const std::vector<Difference>& d, double sum) {
+  constexpr std::size_t kFewest = 3;
+  std::map<std::string, std::vector<double>> logs;
+  std::vector<double> all;
+  for (const Difference& x : d) {
+    logs[*x.log].push_back(x.nats);
+    all.push_back(x.nats);
+  }
+  double within = 0;
+  for (const auto& [log, of] : logs) {
+    const double own = std::accumulate(of.begin(), of.end(), 0.0), variance = scatter(of);
+    if (of.size() < kFewest || (own * sum < 0 && own * own > variance)) return scatter(all);
+    within += variance;
+  }
+  return within;
+}
+
+// Sum over windows in standard errors; single windows cannot decide, so differences are clipped.
+double paired_z(std::vector<Difference> d) {
   if (d.size() < 3) return 0;
-  std::vector<double> size = d;
-  for (double& v : size) v = std::fabs(v);
+  std::vector<double> size;
+  for (const Difference& x : d) size.push_back(std::fabs(x.nats));
   std::nth_element(size.begin(), size.begin() + static_cast<std::ptrdiff_t>(size.size() * 3 / 4), size.end());
   const double most = std::max(kLeastClip_nats, 3 * size[size.size() * 3 / 4]);
-  double sum = 0, squares = 0;
-  for (double& v : d) {
-    v = std::clamp(v, -most, most);
-    sum += v;
+  double sum = 0;
+  for (Difference& x : d) {
+    x.nats = std::clamp(x.nats, -most, most);
+    sum += x.nats;
   }
-  const double n = static_cast<double>(d.size()), mean = sum / n;
-  for (const double v : d) squares += (v - mean) * (v - mean);
-  const double error = std::sqrt(squares / (n - 1) / n);
-  return error > 0 ? mean / error : 0;
+  const double error = std::sqrt(variance_of_sum(d, sum));
+  return error > 0 ? sum / error : 0;
 }
 
 }  // namespace
@@ -103,14 +138,15 @@ Comparison compare_on(const Session& s, const std::vector<std::size_t>& which, c
                       const std::vector<double>& cost_b, double ahead_nats) {
   Comparison c;
   const double share = ahead_nats / static_cast<double>(std::max<std::size_t>(1, which.size()));
-  std::vector<double> gauss, robust;
+  std::vector<Difference> gauss, robust;
   for (const std::size_t w : which) {
     const double d = 0.5 * (cost_b[w] - cost_a[w]) / s.dispersion + share;
     c.gain_nats += d;
-    gauss.push_back(d);
+    const std::string* log = &s.data.grids[s.windows[w].grid].path;
+    gauss.push_back({d, log});
     const double floor = 1e-3 * static_cast<double>(s.shooting->values(w));
-    robust.push_back(share + 0.5 * static_cast<double>(s.shooting->values(w)) / s.dispersion *
-                                 std::log((cost_b[w] + floor) / (cost_a[w] + floor)));
+    const double half = 0.5 * static_cast<double>(s.shooting->values(w)) / s.dispersion;
+    robust.push_back({share + half * std::log((cost_b[w] + floor) / (cost_a[w] + floor)), log});
   }
   c.z = paired_z(gauss);
   c.robust_z = paired_z(robust);

@@ -124,17 +124,27 @@ void Pool::consider(std::vector<Candidate> screened, std::size_t keep) {
   decide_near();
 }
 
-// Far behind on the very data that it was fitted to is not worth two more fits.
+bool Pool::refuted(std::size_t index) const {
+  const Candidate& e = entries[index];
+  return index != 0 && e.decided && !(held_out_cost(session_, e) < held_out_cost(session_, entries[0]));
+}
+
+// Far behind on the very data that it was fitted to is not worth two more fits. What foresees other data no better than
+// the nominal model does is no measure of that: its fit may be a valley of its own windows.
 void Pool::decide_near() {
-  std::size_t first = 0;
-  for (std::size_t i = 1; i < entries.size(); ++i)
-    if (entries[i].fit.total() < entries[first].fit.total()) first = i;
-  if (first != 0) session_.dispersion = dispersion_of(session_, entries[first].hypothesis, entries[first].fit);
-  for (Candidate& e : entries) {
-    if (e.decided || session_.stopped() || e.fit.total() > e.enough) continue;
-    if (e.fit.total() - entries[first].fit.total() > 2 * kBehind_nats * session_.dispersion) continue;
-    if (!e.full) fit_fully(session_, e);
-    if (e.fit.finite) cross_validate(session_, e);
+  for (bool more = true; more;) {
+    more = false;
+    std::size_t first = 0;
+    for (std::size_t i = 1; i < entries.size(); ++i)
+      if (!refuted(i) && entries[i].fit.total() < entries[first].fit.total()) first = i;
+    if (first != 0) session_.dispersion = dispersion_of(session_, entries[first].hypothesis, entries[first].fit);
+    const double most = entries[first].fit.total() + 2 * kBehind_nats * session_.dispersion;
+    for (Candidate& e : entries) {
+      if (e.decided || session_.stopped() || e.fit.total() > e.enough || e.fit.total() > most) continue;
+      if (!e.full) fit_fully(session_, e);
+      if (e.fit.finite) cross_validate(session_, e);
+      more = more || e.decided;
+    }
   }
   const Candidate& ahead = entries[leader(SIZE_MAX)];
   session_.dispersion = dispersion_of(session_, ahead.hypothesis, ahead.fit);
@@ -166,8 +176,10 @@ std::size_t Pool::without(std::size_t index, std::size_t member) {
   if (known != kNone) {  // what was added may have led out of a valley that it was fitted into
     const bool deeper = e.fit.finite && e.fit.total() < entries[known].fit.total() - 2 * kRicher_nats;
     if (!deeper) return known;
+    const bool decided = entries[known].decided;
     e.enough = entries[known].enough;
     entries[known] = std::move(e);
+    if (decided) settle(known);
     return known;
   }
   if (!e.fit.finite) return kNone;
@@ -185,7 +197,7 @@ void Pool::settle(std::size_t index) {
 std::vector<std::size_t> Pool::beam(std::size_t effects, std::size_t width) const {
   std::vector<std::size_t> order;
   for (std::size_t i = 0; i < entries.size(); ++i)
-    if (entries[i].effects().size() == effects) order.push_back(i);
+    if (entries[i].effects().size() == effects && !refuted(i)) order.push_back(i);
   std::stable_sort(order.begin(), order.end(),
                    [&](std::size_t a, std::size_t b) { return entries[a].fit.total() < entries[b].fit.total(); });
   if (order.size() > width) order.resize(width);

@@ -42,6 +42,8 @@ class Pool {
 
  private:
   double enough_for(const Candidate& e) const;
+  /// It was decided upon and foresees no more than the nominal model.
+  bool refuted(std::size_t index) const;
   void decide_near();
   bool simpler_than(std::size_t simple, std::size_t rich);
 
