@@ -44,7 +44,7 @@ UnseenVector likely_variance(const std::vector<Told>& told) {
     UnseenVector sum = UnseenVector::Zero(n);
     for (const Told& t : told) {
       const Eigen::LDLT<UnseenSquare> factor = posterior(t, sd);
-      const UnseenVector pull = sd.asDiagonal() * pull_of(t);
+      const UnseenVector pull = sd.asDiagonal() * (t.information * t.found);
       const UnseenVector mean = sd.asDiagonal() * factor.solve(pull);
       const UnseenSquare left = factor.solve(UnseenSquare(UnseenSquare::Identity(n, n)));
       for (Eigen::Index i = 0; i < n; ++i) sum(i) += mean(i) * mean(i) + variance(i) * left(i, i);
