@@ -3,6 +3,7 @@
 
     --seeds N      tuned arms, seeds from 31 (1)
     --threads N    threads of `tiller gap` (2)
+    --only KINDS   effects that `tiller gap` considers (all)
     --out FOLDER   rows and files (build/bench_give_back)
 
 The MJCF is that of robosuite (PyPI, installed once below build/bench_peers). Dry friction at one joint, more damping at a
@@ -36,9 +37,10 @@ def run_arm(seed, mjcf, options):
     began = time.monotonic()
     patched = mjcf.with_name(f"found_{seed}.xml")  # beside the meshes
     patched.unlink(missing_ok=True)
+    only = ["--only", options.only] if options.only else []
     done = subprocess.run([TILLER, "gap", options.out / "model/robot.toml", *sorted(folder.glob("log_*.csv")), "--threads",
-                           str(options.threads), "-o", folder / "gap", "--description", mjcf, "--write-mjcf", patched, "--json"],
-                          capture_output=True, text=True, check=False, env=environment)
+                           str(options.threads), *only, "-o", folder / "gap", "--description", mjcf, "--write-mjcf", patched,
+                           "--json"], capture_output=True, text=True, check=False, env=environment)
     (folder / "said.txt").write_text(done.stderr, encoding="utf-8")
     found = json.loads(done.stdout)
     judged = subprocess.run([python, maker, "judge", folder, mjcf, *([patched] if patched.exists() else [])], check=True,
@@ -54,6 +56,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=1, metavar="N")
     parser.add_argument("--threads", type=int, default=2, metavar="N")
+    parser.add_argument("--only", default="", metavar="KINDS")
     parser.add_argument("--out", type=pathlib.Path, default=ROOT / "build/bench_give_back", metavar="FOLDER")
     options = parser.parse_args()
     if not need_environment("robots") or not need_environment("robot_models", "--no-deps"):
