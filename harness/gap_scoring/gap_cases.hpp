@@ -8,6 +8,7 @@
 
 #include "harness/gap_scoring/gap_score.hpp"
 #include "harness/gap_worlds/gap_worlds.hpp"
+#include "tools/gap/result/result.hpp"
 
 namespace tiller::bench {
 
@@ -51,6 +52,9 @@ std::string row_header();
 std::string row_text(const GapRow& row);
 /// Rows of a results file; of rows with the same id the last. Empty if there is none.
 std::vector<GapRow> read_rows(const std::string& path);
+
+/// Effects of an answer by name.
+EffectSet names_of(const std::vector<tools::gap::EffectAt>& effects, const tiller_model_t& model);
 
 /// Makes the world, asks find_gap(), judges. `folder` holds its files and is emptied. `oracle`: also fits the truth.
 /// `keep` leaves them there.

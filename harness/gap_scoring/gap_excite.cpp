@@ -16,7 +16,6 @@ namespace tiller::bench {
 namespace {
 
 namespace fs = std::filesystem;
-using tools::gap::EffectAt;
 using tools::gap::Proposal;
 using tools::gap::Result;
 using tools::gap::Rival;
@@ -25,13 +24,6 @@ using tools::gap::Separation;
 constexpr std::size_t kFewLogs = 1;                  // with more of them little is ambiguous
 constexpr double kLeastPlayed = 3;                   // several times, as docs/guide/excite.md advises
 constexpr double kSeconds = 8.0, kMoreTravel = 1.3;  // kMoreTravel: than in the logs, at most
-
-EffectSet names_of(const std::vector<EffectAt>& effects, const tiller_model_t& model) {
-  EffectSet set;
-  for (const EffectAt& e : effects)
-    set.push_back(std::string(effect_info(e.kind).name) + "@" + port_name(effect_info(e.kind).port, model, e.port));
-  return set;
-}
 
 std::vector<EffectSet> sets_of(const Result& result, const tiller_model_t& model) {
   std::vector<EffectSet> sets;
@@ -72,12 +64,18 @@ struct Experiment {
     return gone;
   }
 
+  std::vector<tools::gap::InputRange> range() const {
+    const tiller_safety_config_t& s = robot.config.safety;
+    std::vector<tools::gap::InputRange> limits;
+    for (std::uint32_t i = 0; i < robot.names.inputs.size(); ++i)
+      limits.push_back({s.input_low[i], s.input_high[i], s.input_rate_per_s[i], s.safe_command[i]});
+    return limits;
+  }
+
   bool propose(std::string& error) {
     tools::gap::ExciteOptions options;
     options.seconds = kSeconds;
-    const tiller_safety_config_t& s = robot.config.safety;
-    for (std::uint32_t i = 0; i < robot.names.inputs.size(); ++i)
-      options.range.push_back({s.input_low[i], s.input_high[i], s.input_rate_per_s[i], s.safe_command[i]});
+    options.range = range();
     for (std::uint32_t m = 0; m < world.measured.size(); ++m) {
       double low = HUGE_VAL, high = -HUGE_VAL;
       for (const Series& run : world.work)
@@ -148,12 +146,8 @@ ExciteRow run_excite(const GapCase& c, const std::string& folder) {
   row.outcome = "too_long";
   if (runs > kMostPlayed) return end();
   row.played_s = static_cast<double>(runs) * length;
-  std::vector<tools::gap::InputRange> range;
-  const tiller_safety_config_t& s = robot->config.safety;
-  for (std::uint32_t i = 0; i < robot->names.inputs.size(); ++i)
-    range.push_back({s.input_low[i], s.input_high[i], s.input_rate_per_s[i], s.safe_command[i]});
   const tools::gap::InputSequence plain =
-      default_multisine(range, e.proposal.rms, e.proposal.sequence.period_s, length);
+      default_multisine(e.range(), e.proposal.rms, e.proposal.sequence.period_s, length);
   std::vector<EffectSet> after, beside;
   std::string said;
   if (!e.ask(plain, "multisine_", runs, beside, row.note) ||

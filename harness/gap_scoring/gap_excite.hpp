@@ -1,7 +1,7 @@
 #pragma once
 
-// What `tiller excite` is worth: a world whose answer is ambiguous, the sequence proposed for its set played on the same
-// plant, and `tiller gap` again on the old logs and the new ones; beside a multisine of the same root mean square.
+// What `tiller excite` is worth: a world whose answer is ambiguous, the sequence proposed for its set played on the
+// same plant, and `tiller gap` again on the old logs and the new ones; beside a multisine of the same root mean square.
 
 #include <string>
 

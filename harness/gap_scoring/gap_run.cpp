@@ -23,15 +23,6 @@ using tools::gap::Result;
 
 double cpu_seconds() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
 
-EffectSet names_of(const std::vector<EffectAt>& effects, const tiller_model_t& model) {
-  EffectSet set;
-  for (const EffectAt& e : effects) {
-    const EffectInfo& info = effect_info(e.kind);
-    set.push_back(std::string(info.name) + "@" + port_name(info.port, model, e.port));
-  }
-  return set;
-}
-
 GapAnswer answer_of(const Result& result, const tiller_model_t& model) {
   GapAnswer answer{verdict_name(result.verdict), {}};
   const bool names = result.verdict == tools::gap::Verdict::named || result.verdict == tools::gap::Verdict::ambiguous ||
@@ -93,6 +84,15 @@ void score(const World& world, const tools::RobotFile& robot, const Result& resu
 }
 
 }  // namespace
+
+EffectSet names_of(const std::vector<EffectAt>& effects, const tiller_model_t& model) {
+  EffectSet set;
+  for (const EffectAt& e : effects) {
+    const EffectInfo& info = tools::gap::info_of(e.kind);
+    set.push_back(std::string(info.name) + "@" + port_name(info.port, model, e.port));
+  }
+  return set;
+}
 
 GapRow run_case(const GapCase& c, const std::string& folder, bool oracle, bool keep) {
   GapRow row;

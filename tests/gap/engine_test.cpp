@@ -120,8 +120,8 @@ TEST(Engine, TellsThatFrictionOfTheRobotFileIsAnother) {
   EXPECT_LT(r.remaining_sigma, 1.05);
 }
 
-// Five turns a second that ring for a second, at every window's start: neither the commands nor the angle tell where the
-// rotor is. Taken at what a run-in gives, 2 sigma are left and the damping comes 60 % too large.
+// Five turns a second that ring for a second, at every window's start: neither the commands nor the angle tell where
+// the rotor is. Taken at what a run-in gives, 2 sigma are left and the damping comes 60 % too large.
 TEST(Engine, FindsWhereARotorBehindASpringStands) {
   Synthetic s = pendulum(3e-4);
   s.rotor_inertia = 0.005;

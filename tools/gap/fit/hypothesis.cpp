@@ -130,10 +130,6 @@ void take_before(const ModelFit& before, const std::vector<EffectAt>& added, Hyp
   }
 }
 
-}  // namespace
-
-namespace {
-
 // A rotor between motor and joint has a place and a velocity of its own; what follows in its states is no motion.
 std::vector<std::uint32_t> unseen_states(const StepSetup& setup) {
   constexpr std::uint32_t kOfARotor = 2;

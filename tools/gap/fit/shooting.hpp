@@ -16,7 +16,7 @@ struct Fit {
   /// (all windows x unseen) added to the unseen states of effects at a window's start; (unseen) what is likely of it.
   std::vector<double> unseen, unseen_sd;
   std::vector<EffectAt> unseen_of;  ///< (unseen) the effect that each belongs to
-  std::vector<double> cost;         ///< (all windows) squares of whitened residuals; of the windows fitted
+  std::vector<double> cost;         ///< (all windows fitted) squares of whitened residuals, and of unseen / unseen_sd
   std::vector<double> unseen_cost;  ///< (all windows) twice the nats that unseen states pay for being free
   double data_cost = 0;             ///< sum of both
   double penalty = 0;               ///< of the priors

@@ -23,7 +23,7 @@ class WindowRollout {
   }
   double* states() { return states_.data(); }  ///< (nx x lanes), to be filled
   double* params() { return params_.data(); }  ///< (np x lanes), to be filled
-  /// (unseen x lanes), to be filled: what is added to the hypothesis' unseen states at the window's start; 0 after use().
+  /// (unseen x lanes), to be filled: what is added to unseen states at the window's start; 0 after use().
   double* unseen() { return unseen_.data(); }
   /// States of effects (states x lanes) at the window's start, without what is added; until the next run.
   const double* effects_at_start(const Window& window);

@@ -7,7 +7,7 @@
 
 namespace tiller::tools::gap {
 
-/// Every set of effects that was fitted to the working windows, the nominal model first. No set is fitted twice.
+/// Every set of effects that was fitted to the working windows, the nominal model first, each once.
 class Pool {
  public:
   static constexpr std::size_t kNone = SIZE_MAX;
