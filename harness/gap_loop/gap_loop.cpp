@@ -105,7 +105,7 @@ std::string effects_text(const tools::gap::Explanation& best, const tiller_model
       text += std::string(info.params[i].name) + " = { normal = [" + tools::number_text(p.mean) + ", " +
               tools::number_text(std::max(p.sd, 0.05 * std::fabs(p.mean) + 1e-6)) + "]";
       if (std::isfinite(info.params[i].low)) text += ", low = " + tools::number_text(info.params[i].low);
-      const bool delay = has_role(e.kind, kDelay);
+      const bool delay = has_role(e.kind, kDelay | kLate);
       const double high = delay ? std::min(16 * kPeriod_s, 2 * p.mean + kPeriod_s) : info.params[i].high;
       if (std::isfinite(high)) text += ", high = " + tools::number_text(high);
       text += " }\n";

@@ -162,10 +162,9 @@ void bind_robot(nb::module_& m) {
       .def_prop_ro("target", row<target>(states), "(nx) of the task.")
       .def_prop_ro("input_low", row<input_low>(inputs), "(nu) command limits.")
       .def_prop_ro("input_high", row<input_high>(inputs), "(nu) command limits.")
-      .def(
-          "stage_cost", &stage_cost, "x"_a, "u"_a, "step"_a = 0, "params"_a = nb::none(),
-          "The quadratic terms of the task's cost of one step in state x under input u; with `params` (np) those of "
-          "the model's outputs too.")
+      .def("stage_cost", &stage_cost, "x"_a, "u"_a, "step"_a = 0, "params"_a = nb::none(),
+           "The quadratic terms of the task's cost of one step in state x under input u; with `params` (np) those of "
+           "the model's outputs too.")
       .def("__repr__", [](const Robot& r) {
         return "<tiller.Robot " + r->name + ": model " + r->config.model->name + ", " +
                std::to_string(r->names.states.size()) + " states, " + std::to_string(r->names.inputs.size()) +

@@ -97,7 +97,8 @@ struct Motion {
     for (std::uint32_t i = 0; i < c.model->state_count; ++i)
       if (!(std::fabs(model->state()[i]) < 1e6)) return false;
     for (std::uint32_t k = 0; k < c.measurement_count; ++k) {
-      const double value = measured_value(c, params.data(), k, model->state()[c.measured_state[k]]);
+      const double value =
+          measured_value(c, params.data(), k, sight_of(*c.model, c.measured_state[k], model->state(), 1));
       if (c.safety.measurement_low && value < c.safety.measurement_low[k]) return false;
       if (c.safety.measurement_high && value > c.safety.measurement_high[k]) return false;
     }

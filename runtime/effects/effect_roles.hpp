@@ -18,7 +18,8 @@ enum EffectRole : std::uint32_t {
   kLinear = 1u << 5,   ///< a force that is linear in the state, without memory
   kWidth = 1u << 6,    ///< the parameters are widths; of no width it does nothing
   kClock = 1u << 7,    ///< the state is the time since the start of the run, or of its log
-  kSmooth = 1u << 8    ///< has a derivative at rest and no memory: part of a linear model of the robot there
+  kSmooth = 1u << 8,   ///< has a derivative at rest and no memory: part of a linear model of the robot there
+  kLate = 1u << 9      ///< at a sensor, parameter 0 is a time; the state of that time ago is read
 };
 
 constexpr std::uint32_t kEffectRoles[] = {

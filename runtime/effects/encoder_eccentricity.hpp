@@ -27,12 +27,12 @@ struct EncoderEccentricity {
     i.separation = "a second sensor of the same state, or a slow turn at constant speed";
     return i;
   }();
-  static void measure(S& gain, S& offset, const S& at, const S* p) {
-    const S read = gain * at + offset, turn = S(6.28318530717958647693) / select(p[2] > S(0.0), p[2], S(1.0));
+  static void measure(S& gain, S& offset, const SensorSight<S>& at, const S* p) {
+    const S read = gain * at.state + offset, turn = S(6.28318530717958647693) / select(p[2] > S(0.0), p[2], S(1.0));
     S sine, cosine;
     sincos(phase(read, p[2]), sine, cosine);
     gain = gain * (S(1.0) + turn * (p[1] * cosine - p[0] * sine));
-    offset = read + p[0] * cosine + p[1] * sine - gain * at;
+    offset = read + p[0] * cosine + p[1] * sine - gain * at.state;
   }
 };
 

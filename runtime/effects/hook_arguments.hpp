@@ -11,6 +11,14 @@ struct InputStep {
   S dt_s;
 };
 
+/// What an effect at a sensor sees of the state that the sensor reads. A caller that knows no derivative leaves it 0.
+template <class S>
+struct SensorSight {
+  S state{};
+  S rate{};
+  S acceleration{};
+};
+
 /// Arguments of an effect at a joint in a substep. Those that act before the free step (Hook::force) see position,
 /// velocity and drive; the others all of it.
 template <class S>

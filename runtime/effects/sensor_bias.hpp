@@ -23,7 +23,7 @@ struct SensorBias {
     i.separation = "a plumb line or a second sensor of the same state; a different attitude of the machine";
     return i;
   }();
-  static void measure(S&, S& offset, const S&, const S* p) { offset = offset + p[0]; }
+  static void measure(S&, S& offset, const SensorSight<S>&, const S* p) { offset = offset + p[0]; }
 };
 
 }  // namespace tiller

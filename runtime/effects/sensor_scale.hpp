@@ -23,7 +23,7 @@ struct SensorScale {
     i.separation = "two places whose distance is known; a whole turn";
     return i;
   }();
-  static void measure(S& gain, S& offset, const S&, const S* p) {
+  static void measure(S& gain, S& offset, const SensorSight<S>&, const S* p) {
     gain = gain + p[0] * gain;
     offset = offset + p[0] * offset;
   }

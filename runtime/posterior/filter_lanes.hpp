@@ -60,7 +60,11 @@ struct CorrectJob {
   const double* variance = nullptr;              // (ny)
   const double* gain = nullptr;                  // (ny x lanes) measured = gain state + offset; null: the state itself
   const double* offset = nullptr;                // (ny x lanes)
-  FilterRows from;                               // predicted
+  /// (ny x lanes) slope of a reading by another state, (ny) which one, TILLER_MAX_STATES for none; what it makes of the
+  /// predicted state is in the offset. Null: none.
+  const double* rate_gain = nullptr;
+  const std::uint32_t* rate_state = nullptr;
+  FilterRows from;  // predicted
   FilterRows to;
   double weight = 1.0;              // of this measurement in the sums
   double* squared_error = nullptr;  // (lanes) += weight * innovation^2 / its variance

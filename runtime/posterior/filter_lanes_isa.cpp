@@ -197,12 +197,21 @@ void correct_lanes(const CorrectJob& job) {
       const P slope = mapped ? P::load(job.gain + k * job.lanes + lane) : P(1.0);
       const P read = (turns.states >> m) & 1u ? turns.seen[m] : P(job.measured[k]);
       P innovation = read - (mapped ? fma(slope, x[m], P::load(job.offset + k * job.lanes + lane)) : x[m]);
+      const std::uint32_t v = job.rate_gain ? job.rate_state[k] : TILLER_MAX_STATES;
+      const P rate_slope = v < TILLER_MAX_STATES ? P::load(job.rate_gain + k * job.lanes + lane) : P(0.0);
+      if (v < TILLER_MAX_STATES)
+        innovation = innovation - rate_slope * (x[v] - P::load(job.from.state + v * job.from.stride + lane));
       if (job.angle_mask >> m & 1u) innovation = wrap_to_pi(innovation);
       P column[max_states];  // P h^T
       for (std::uint32_t i = 0; i < nx; ++i) column[i] = p[i < m ? triangle_row(nx, i, m) : triangle_row(nx, m, i)];
       if (mapped)
         for (std::uint32_t i = 0; i < nx; ++i) column[i] = slope * column[i];
-      const P variance = max(P(kVarianceFloor), (mapped ? slope * column[m] : column[m]) + P(job.variance[k]));
+      if (v < TILLER_MAX_STATES)
+        for (std::uint32_t i = 0; i < nx; ++i)
+          column[i] = fma(rate_slope, p[i < v ? triangle_row(nx, i, v) : triangle_row(nx, v, i)], column[i]);
+      P spread = mapped ? slope * column[m] : column[m];
+      if (v < TILLER_MAX_STATES) spread = fma(rate_slope, column[v], spread);
+      const P variance = max(P(kVarianceFloor), spread + P(job.variance[k]));
       const P inverse = P(1.0) / variance;
       for (std::uint32_t r = 0; r < nx; ++r) {
         const P gain = column[r] * inverse;

@@ -71,12 +71,12 @@ tiller_status_t make_step_setup(const tiller_config_t& config, StepSetup& setup)
     if (has_role(effect.kind, kLag)) lags += ports;
     if (lags > static_cast<std::uint32_t>(most_lags(static_cast<int>(model.input_count))))
       return tiller_status_bad_effect;
-    if (has_role(effect.kind, kDelay)) {
+    if (has_role(effect.kind, kDelay | kLate)) {
       const tiller_prior_t& prior = config.priors[param];
       const std::uint32_t rows = delay_rows(prior, config.period_s);
       const bool none = prior.kind == tiller_prior_fixed && prior.a == 0.0;
       if ((rows == 0 && !none) || rows > TILLER_MAX_DELAY_STEPS) return tiller_status_bad_effect;
-      if (rows > setup.delay_steps) setup.delay_steps = rows;
+      if (has_role(effect.kind, kDelay) && rows > setup.delay_steps) setup.delay_steps = rows;
     }
     param += static_cast<std::uint32_t>(info.param_count);
   }

@@ -135,6 +135,15 @@ class SensorLine final : public Effect {
   double bias_, scale_;
 };
 
+class SensorDelay final : public Effect {
+ public:
+  explicit SensorDelay(const Parameters& p) : delay_s_(p.at("delay_s")) {}
+  double late_by_s() const override { return delay_s_; }
+
+ private:
+  double delay_s_;
+};
+
 }  // namespace
 
 std::vector<EffectInfo> drive_effects() {
@@ -168,6 +177,7 @@ std::vector<EffectInfo> drive_effects() {
        {{"scale_error", true}},
        "the encoder counts too much",
        make_effect<SensorLine>},
+      {"sensor_delay", PortKind::sensor, {{"delay_s"}}, "this sensor shows the plant late", make_effect<SensorDelay>},
   };
 }
 

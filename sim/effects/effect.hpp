@@ -31,6 +31,8 @@ class Effect {
   virtual double dry_friction(const Joint&, const Moment&) { return 0; }
   /// What a sensor shows of the truth, before its noise.
   virtual double show(double truth) const { return truth; }
+  /// How long ago the plant was as the sensor shows it, in seconds.
+  virtual double late_by_s() const { return 0; }
   /// Viscous coefficient that push() adds explicitly, for the check of stability.
   virtual double damping() const { return 0; }
 };

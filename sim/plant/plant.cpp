@@ -35,7 +35,6 @@ struct Plant::Impl {
         measured(measured_states(o, i)),
         parameters(merged_parameters(o, i)),
         lines(i.commands.size(), MotorLine(to_us(o.command_latency_s), to_us(o.watchdog_timeout_s), o.command_limit)),
-        history(to_us(o.measurement_latency_s)),
         process_noise(o.seed, "process." + i.commands[0].name),
         step_us(to_us(o.step_s)),
         state(i.states.size()),
@@ -49,6 +48,9 @@ struct Plant::Impl {
                           NoiseStream(o.seed, "encoder." + c.name)});
     }
     for (const HiddenEffect& e : o.effects) place_effect(e);
+    std::int64_t latest_us = 0;
+    for (std::size_t i = 0; i < measured.size(); ++i) latest_us = std::max(latest_us, late_us(i));
+    history.keep(to_us(o.measurement_latency_s) + latest_us);
   }
 
   void place_effect(const HiddenEffect& e) {
@@ -144,13 +146,30 @@ struct Plant::Impl {
     history.push(time_us, state);
   }
 
-  /// What sensor i would show without noise.
-  double shown(std::size_t i, const std::vector<double>& seen) const {
-    double value = seen[measured[i]];
+  std::int64_t measured_us() const { return time_us - to_us(options.measurement_latency_s); }
+
+  /// How much later than the other sensors sensor i shows the plant.
+  std::int64_t late_us(std::size_t i) const {
+    double late_s = 0;
     for (const PlacedEffect& e : effects) {
-      if (e.where == PortKind::sensor && e.port == i) value = e.effect->show(value);
+      if (e.where == PortKind::sensor && e.port == i) late_s += e.effect->late_by_s();
     }
-    return value;
+    return to_us(late_s);
+  }
+
+  /// What the sensors would show without noise.
+  void show(std::vector<double>& out) const {
+    std::vector<double> seen, late;
+    history.at(measured_us(), seen);
+    out.resize(measured.size());
+    for (std::size_t i = 0; i < out.size(); ++i) {
+      const std::int64_t late_by_us = late_us(i);
+      if (late_by_us > 0) history.at(measured_us() - late_by_us, late);
+      out[i] = (late_by_us > 0 ? late : seen)[measured[i]];
+      for (const PlacedEffect& e : effects) {
+        if (e.where == PortKind::sensor && e.port == i) out[i] = e.effect->show(out[i]);
+      }
+    }
   }
 
   PlantOptions options;
@@ -223,20 +242,18 @@ void Plant::advance(double duration_s) {
 
 std::int64_t Plant::time_us() const { return impl_->time_us; }
 
-std::int64_t Plant::measured_us() const { return impl_->time_us - to_us(impl_->options.measurement_latency_s); }
+std::int64_t Plant::measured_us() const { return impl_->measured_us(); }
 
 void Plant::measure(double* out) const {
-  std::vector<double> seen;
-  impl_->history.at(measured_us(), seen);
-  for (std::size_t i = 0; i < impl_->encoders.size(); ++i) {
-    out[i] = impl_->encoders[i].read(impl_->shown(i, seen), measured_us());
-  }
+  std::vector<double> shown;
+  impl_->show(shown);
+  for (std::size_t i = 0; i < shown.size(); ++i) out[i] = impl_->encoders[i].read(shown[i], measured_us());
 }
 
 void Plant::measure_clean(double* out) const {
-  std::vector<double> seen;
-  impl_->history.at(measured_us(), seen);
-  for (std::size_t i = 0; i < impl_->encoders.size(); ++i) out[i] = impl_->shown(i, seen);
+  std::vector<double> shown;
+  impl_->show(shown);
+  std::copy(shown.begin(), shown.end(), out);
 }
 
 void Plant::true_state(double* out) const { std::copy(impl_->state.begin(), impl_->state.end(), out); }

@@ -11,7 +11,8 @@ namespace tiller::sim {
 /// The last states, so that a sensor can show the plant as it was. Linear between physics steps.
 class StateHistory {
  public:
-  explicit StateHistory(std::int64_t span_us) : span_us_(span_us) {}
+  /// How far back it reaches from the newest state.
+  void keep(std::int64_t span_us) { span_us_ = span_us; }
   void reset(const std::vector<double>& state);
   void push(std::int64_t time_us, const std::vector<double>& state);
   /// State at time_us; the first known one for times before it.
@@ -22,7 +23,7 @@ class StateHistory {
     std::int64_t time_us;
     std::vector<double> state;
   };
-  std::int64_t span_us_;
+  std::int64_t span_us_ = 0;
   std::deque<Entry> entries_;
 };
 

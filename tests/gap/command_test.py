@@ -54,9 +54,10 @@ torque_Nm = { low = -3, high = 3 }
 MASS, LENGTH, FRICTION, NOISE = 0.5, 0.4, 0.08, 0.002
 
 
-def simulate(seed: int, friction: float, seconds: float = 8.0, force=lambda angle, rate: 0.0) -> list:
+def simulate(seed: int, friction: float, seconds: float = 8.0, force=lambda angle, rate: 0.0,
+             rates: list | None = None) -> list:
     """Rows (time, angle, torque): RK4 at 0.5 ms under a held multisine, dry friction as a steep tanh, and another
-    force at the joint."""
+    force at the joint. `rates` takes the true rates."""
     rng = random.Random(seed)
     waves = [(2 * math.pi * rng.uniform(0.2, 2.0), rng.uniform(0, 6.28)) for _ in range(5)]
     inertia = MASS * LENGTH * LENGTH
@@ -68,6 +69,8 @@ def simulate(seed: int, friction: float, seconds: float = 8.0, force=lambda angl
 
     for k in range(int(100 * seconds)):
         u = 0.45 * sum(math.sin(w * 0.01 * k + p) for w, p in waves)
+        if rates is not None:
+            rates.append(rate)
         rows.append((0.01 * k, angle + NOISE * rng.gauss(0, 1), u))
         for _ in range(20):
             h = 0.0005
@@ -135,6 +138,57 @@ class Command(unittest.TestCase):
         self.assertEqual(again.returncode, 0, again.stdout + again.stderr)
         self.assertEqual(self.gap(self.robot, *self.rubbing, "--budget", 1000).returncode,
                          0 if run.returncode == 1 else 2)
+
+    def test_the_new_robot_file_finds_what_the_old_one_names(self):
+        here, there = self.home / "here", self.home / "there" / "deep"
+        here.mkdir()
+        (here / "way.csv").write_text("time_s,angle_rad,rate_rad_s\n0,0,0\n1,0.5,0\n")
+        (here / "moved.toml").write_text(ROBOT.replace("target = { angle_rad = 0.0 }", 'reference = "way.csv"')
+                                         .replace('"arm"', '"moved"'))
+        run = self.gap(here / "moved.toml", *self.rubbing, "-o", there)
+        self.assertIn(run.returncode, (1, 2), run.stdout + run.stderr)
+        new = there / "moved_gap.toml"
+        self.assertIn('"../../here/way.csv"', new.read_text())
+        check = subprocess.run([TILLER, "check", str(new)], capture_output=True, text=True, check=False)
+        self.assertEqual(check.returncode, 0, check.stdout + check.stderr)
+
+    def test_takes_a_gyroscope_that_the_robot_file_does_not_measure(self):
+        logs = []
+        for i in range(4):
+            rates, rng = [], random.Random(700 + i)
+            rows = simulate(i, FRICTION, rates=rates)
+            path = self.home / f"gyro_{i}.csv"
+            with open(path, "w", encoding="utf-8") as file:
+                file.write("time_s,angle_rad,torque_Nm,gyro_deg_s\n")
+                for k, ((t, q, u), rate) in enumerate(zip(rows, rates)):
+                    seen = f"{math.degrees(rate) + 0.3 + rng.gauss(0, 0.3):.6g}" if k % 3 else ""  # some are missing
+                    file.write(f"{t:.4f},{q:.9g},{u:.9g},{seen}\n")
+            logs.append(str(path))
+        entry = ('\n[[log.sensors]]\ncolumn = "gyro_deg_s"\nof = "rate_rad_s"\n'
+                 f'factor = {math.pi / 180}\nzero = 0.3\nsd = {math.radians(0.3)}\n')
+        robot = self.home / "gyro.toml"
+        spread = {}
+        for name, text in (("without", ROBOT), ("with", ROBOT + entry)):
+            robot.write_text(text)
+            result = json.loads(self.gap(robot, *logs, "--json").stdout)
+            self.assertEqual(problems(result), [])
+            (friction,) = [p for p in result["ranking"][0]["parameters"] if p["name"].endswith(".friction_SI")]
+            self.assertLess(abs(friction["mean"] - FRICTION), 4 * friction["sd"] + 0.01 * FRICTION)
+            spread[name] = friction["sd"]
+        self.assertLess(spread["with"], 0.7 * spread["without"])
+        for old, new, said in (
+                ('"gyro_deg_s"', '"giro"', "no log has 'giro'"),
+                ('"rate_rad_s"', '"rat_rad_s"', "rate_rad_s"),
+                ("zero = 0.3", "derivative = 2", "second derivative of rate_rad_s"),
+                ("zero = 0.3", "derivative = 3", "derivative"),
+                (f"sd = {math.radians(0.3)}", "sd = 0", "sd"),
+                (f"sd = {math.radians(0.3)}", "", "standard deviation"),
+                (f"factor = {math.pi / 180}", "factor = 0", "factor"),
+                ("zero = 0.3", "zeros = 0.3", "zeros")):
+            robot.write_text(ROBOT + entry.replace(old, new))
+            run = self.gap(robot, *logs)
+            self.assertIn(run.returncode, (3, 4), new)
+            self.assertIn(said, run.stdout + run.stderr, new)
 
     def test_nothing_is_no_gap(self):
         run = self.gap(self.robot, *self.free, "--json")

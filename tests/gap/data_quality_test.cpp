@@ -100,7 +100,7 @@ Result judge(const std::vector<std::string>& paths) {
   std::vector<Log> logs;
   std::vector<Grid> grids;
   if (load_logs(*file, paths, 0, false, logs, grids, &result.data_hash, result))
-    check_data_quality(file->config, grids, result);
+    check_data_quality(file->config, grids, nullptr, result);
   return result;
 }
 

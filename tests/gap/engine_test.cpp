@@ -291,6 +291,46 @@ TEST(Engine, NamesTheDriveByTheLaunchesOfShortRuns) {
   EXPECT_LT(r.remaining_sigma, 1.1);
 }
 
+// A camera that sees the cart beside an encoder at the pole, and a gyroscope beside an encoder: one of the readings is
+// late, by no whole number of periods, while the commands arrive at once.
+TEST(Engine, NamesTheReadingThatIsLate) {
+  Synthetic cart;
+  cart.model = tiller_find_model("cart_pole");
+  cart.params = {1.0, 0.2, 0.3};
+  cart.amplitude = 8;
+  cart.noise_sd = 1e-3;
+  cart.late_state = 0;
+  cart.late_s = 0.034;
+  const Result seen = run(cart, 100024);
+  EXPECT_EQ(seen.verdict, Verdict::named);
+  ASSERT_EQ(names_of(seen), Names{"sensor_delay"});
+  EXPECT_EQ(seen.ranking.front().effects[0].port, 0u);
+  const Estimate& late = seen.ranking.front().params.back();
+  EXPECT_NEAR(late.mean, 0.034, 4 * late.sd);
+  EXPECT_LT(late.sd, 0.001);
+
+  Synthetic gyro = pendulum(2e-3);
+  gyro.rates = true;
+  gyro.late_state = 1;
+  gyro.late_s = 0.015;
+  const Result turning = run(gyro, 100025);
+  EXPECT_EQ(turning.verdict, Verdict::named);
+  ASSERT_EQ(names_of(turning), Names{"sensor_delay"});
+  EXPECT_EQ(turning.ranking.front().effects[0].port, 1u);
+  EXPECT_NEAR(turning.ranking.front().params.back().mean, 0.015, 0.001);
+}
+
+// Where everything is read late, or there is one reading, the inputs are late as far as anybody can tell.
+TEST(Engine, OffersNoLateReadingWhereThereIsOne) {
+  Synthetic s = pendulum(2e-3);
+  s.late_state = 0;
+  s.late_s = 0.02;
+  const Result r = run(s, 100026);
+  EXPECT_EQ(names_of(r), Names{"input_delay"});
+  for (const Explanation& e : r.ranking)
+    for (const EffectAt& effect : e.effects) EXPECT_NE(effect.kind, tiller_effect_sensor_delay);
+}
+
 TEST(Engine, NamesTwo) {
   Synthetic s = pendulum(2e-3);
   s.delay_s = 0.02;

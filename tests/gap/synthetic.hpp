@@ -32,7 +32,10 @@ struct Synthetic {
   std::uint32_t delayed = ~0u;                           // the inputs that are, bit by bit
   double rotor_inertia = 0, stiffness = 0, damping = 0;  // of a rotor that turns input 0's joint by a spring; 0: none
   double payload_kg = 0;
-  bool continuous = false;  // the input moves within a period: what a log has is its value at the row
+  std::uint32_t late_state = ~0u;  // whose reading is `late_s` old; none
+  double late_s = 0;
+  double accelerometer_sd = 0;  // of one at the first joint, from period to period; 0: none
+  bool continuous = false;      // the input moves within a period: what a log has is its value at the row
 };
 
 /// Joints' positions measured (rates too if asked for), of every built-in model.
@@ -115,17 +118,31 @@ inline Grid simulate(const Synthetic& s, std::uint64_t seed) {
     model.dynamics(at.data(), u, f, &body, s.params.data(), dx.data());
   };
   std::vector<double> k1(x.size()), k2(x.size()), k3(x.size()), k4(x.size()), at(x.size());
+  std::vector<double> past;  // of the late state, every step
+  const std::uint32_t measured_rate = model.joints[0].velocity;
+  double rate_before = NAN;
+  if (s.accelerometer_sd > 0)
+    grid.sensor.push_back({{"accelerometer", model.state_names[measured_rate], 1, s.accelerometer_sd}, {}});
   for (std::size_t p = 0; p < points; ++p) {
     for (std::uint32_t i = 0; i < model.state_count; ++i) {
       bool rate = false;
       for (std::uint32_t j = 0; j < model.joint_count; ++j) rate = rate || model.joints[j].velocity == i;
       double value = x[i] + (rate ? 20 : 1) * s.noise_sd * rng.normal();
+      if (i == s.late_state && !past.empty()) {
+        const auto back = static_cast<std::size_t>(std::lround(s.late_s / h));
+        value += past[past.size() - std::min(back, past.size())] - x[i];
+      }
       if (!rate && s.encoder_step > 0) value = std::round(x[i] / s.encoder_step) * s.encoder_step;
       grid.state[i].push_back(rate && !s.rates ? NAN : value);
+    }
+    if (s.accelerometer_sd > 0) {
+      grid.sensor[0].value.push_back((x[measured_rate] - rate_before) / s.period_s + s.accelerometer_sd * rng.normal());
+      rate_before = x[measured_rate];
     }
     const double start = static_cast<double>(p) * s.period_s;
     for (std::uint32_t i = 0; i < model.input_count; ++i) grid.input[i].push_back(command(i, start));
     for (int n = 0; n < fine; ++n) {
+      if (s.late_state < model.state_count) past.push_back(x[s.late_state]);
       const double t = start + n * h + 1e-7;  // the command of this period, not of the one before
       follow(t);
       slope(x, t, k1);

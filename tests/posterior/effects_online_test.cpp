@@ -8,12 +8,12 @@
 #include <random>
 
 #include "linear_rig.hpp"
-#include "rollout/measurement.hpp"
+#include "rollout/late_reading.hpp"
 #include "tiller/config.hpp"
 
 namespace {
 
-using tiller::measured_value;
+using tiller::reading_on_path;
 
 struct Case {
   const char* name;
@@ -60,7 +60,8 @@ struct Log {
   std::vector<tiller::Transition> transitions;
 };
 
-Log simulate(const tiller_config_t& c, double torque_Nm, unsigned seed, int steps) {
+Log simulate(const tiller_config_t& c, double torque_Nm, unsigned seed, int steps,
+             std::vector<double>* truth = nullptr) {
   std::mt19937_64 random(seed);
   std::normal_distribution<double> n;
   std::uniform_real_distribution<double> u01;
@@ -76,7 +77,11 @@ Log simulate(const tiller_config_t& c, double torque_Nm, unsigned seed, int step
   constexpr std::uint32_t kLanes = tiller::kLanePadding;
   double x[2] = {0.05 * n(random), 0.0}, effects[TILLER_MAX_EFFECT_STATES] = {}, out[2 * kLanes];
   double effects_out[TILLER_MAX_EFFECT_STATES * kLanes], torque = 0.0;
-  const auto reading = [&] { return measured_value(c, log.params, 0, x[0]) + c.measurement_sd[0] * n(random); };
+  std::vector<double> path(x, x + 2);
+  const auto reading = [&] {
+    return reading_on_path(c, log.params, 0, path.data(), path.size() / 2 - 1, c.period_s) +
+           c.measurement_sd[0] * n(random);
+  };
   log.first = reading();
   for (int t = 0; t < steps; ++t) {
     if (t % 12 == 0) torque = torque_Nm * (2.0 * u01(random) - 1.0);
@@ -92,6 +97,7 @@ Log simulate(const tiller_config_t& c, double torque_Nm, unsigned seed, int step
     job.final_state = out;
     table.rollout_f64(*c.model, job);
     for (std::uint32_t i = 0; i < 2; ++i) x[i] = out[i * kLanes] + std::sqrt(c.period_s) * c.process_sd[i] * n(random);
+    path.insert(path.end(), x, x + 2);
     for (std::uint32_t i = 0; i < setup.effect_state_count; ++i) effects[i] = effects_out[i * kLanes];
     tiller::Transition transition;
     transition.period_s = c.period_s;
@@ -99,6 +105,7 @@ Log simulate(const tiller_config_t& c, double torque_Nm, unsigned seed, int step
     transition.measured[0] = reading();
     log.transitions.push_back(transition);
   }
+  if (truth) *truth = path;
   return log;
 }
 
@@ -133,6 +140,39 @@ TEST_P(Online, EffectIsFound) {
   }
 }
 
+// A camera that is three and five periods late, and a robot that is pushed: the correction of the speed has the sign
+// that a reading of before needs, or the estimate runs away. Errors are those that the filter states.
+TEST(SensorDelay, KeepsTheStateOfAPushedRobot) {
+  for (const double delay_s : {0.06, 0.1})
+    for (const double push : {0.1, 0.5}) {
+      const Case late = {"sensor_delay", tiller_effect_sensor_delay, {rig::fixed(delay_s)}, 2.0, {}};
+      tiller::Config c = pendulum_config(late);
+      c.process_sd[1] = push;
+      c.seed = 7;
+      std::vector<double> truth;
+      const Log log = simulate(c, late.torque_Nm, 7, 1000, &truth);
+      tiller::StepSetup setup;
+      ASSERT_EQ(tiller::make_step_setup(c, setup), tiller_status_ok);
+      rig::Instance instance(c, nullptr, tiller::select_rollout(*c.model), &setup);
+      tiller::Posterior& p = *instance;
+      ASSERT_EQ(p.start(&log.first), tiller_status_ok);
+      double squares[2] = {}, count = 0;
+      for (std::size_t t = 0; t < log.transitions.size(); ++t) {
+        ASSERT_TRUE(rig::works(p.update(log.transitions[t])));
+        double mean[2], sd[2];
+        p.moments(nullptr, nullptr, mean, sd);
+        if (t < 100) continue;
+        for (int i = 0; i < 2; ++i) squares[i] += std::pow((mean[i] - truth[2 * (t + 1) + i]) / sd[i], 2);
+        count += 1;
+      }
+      for (int i = 0; i < 2; ++i) {
+        std::printf("delay %.2f s, push %.1f: errors of state %d are %.2f of what is stated\n", delay_s, push, i,
+                    std::sqrt(squares[i] / count));
+        EXPECT_LT(std::sqrt(squares[i] / count), 2.0);
+      }
+    }
+}
+
 INSTANTIATE_TEST_SUITE_P(Effects, Online,
                          ::testing::Values(
                              // the extra acts only within the Stribeck velocity, and speeds are hardly ever there
@@ -153,6 +193,7 @@ INSTANTIATE_TEST_SUITE_P(Effects, Online,
                                   {rig::uniform(-0.1, 0.1), rig::uniform(-0.1, 0.1), rig::fixed(6.283185307179586)},
                                   2.0,
                                   {4.0, 4.0}},
+                             Case{"sensor_delay", tiller_effect_sensor_delay, {rig::uniform(0.0, 0.03)}, 2.0, {4.0}},
                              Case{"tilt", tiller_effect_tilt, {rig::uniform(-0.2, 0.2)}, 2.0, {4.0}},
                              Case{"payload", tiller_effect_payload, {rig::uniform(0.0, 0.5)}, 2.0, {2.0}}),
                          [](const auto& each) { return std::string(each.param.name); });

@@ -33,6 +33,10 @@ TEST(EffectRoles, AgreeWithTheEffectsOwnHeaders) {
     const bool by_commands =
         info.port == PortKind::input && info.state_count > 0 && !info.needs_drive && !has_role(kind, kClock);
     EXPECT_EQ(by_commands, has_role(kind, kLag | kFollows | kLoad));
+    if (has_role(kind, kLate)) {
+      EXPECT_EQ(info.port, PortKind::sensor);
+      EXPECT_STREQ(info.params[0].unit, "s");
+    }
     if (has_role(kind, kLimit)) {
       EXPECT_EQ(info.params[0].scale, Scale::input);
     }
@@ -47,7 +51,7 @@ TEST(EffectRoles, AgreeWithTheEffectsOwnHeaders) {
 }
 
 TEST(EffectRoles, OneHasEach) {
-  for (const std::uint32_t role : {kDelay, kLag, kLimit, kFollows, kLoad, kLinear, kWidth, kClock, kSmooth}) {
+  for (const std::uint32_t role : {kDelay, kLag, kLimit, kFollows, kLoad, kLinear, kWidth, kClock, kSmooth, kLate}) {
     bool found = false;
     for (std::uint32_t kind = 0; kind < effect_kind_count(); ++kind) found = found || has_role(kind, role);
     EXPECT_TRUE(found) << role;

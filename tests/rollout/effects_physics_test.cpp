@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "batch.hpp"
-#include "rollout/measurement.hpp"
+#include "rollout/late_reading.hpp"
 #include "tiller/config.hpp"
 
 namespace tiller {
@@ -628,12 +628,12 @@ TEST(Sensor, EffectsComposeInTheirOrder) {
   c.measured_state[0] = 1;
   c.measured_state[1] = 0;
   const double params[] = {1, 1, 1, 0.5, 0.1};
-  EXPECT_EQ(measured_value(c, params, 0, 2.0), 2.0);
+  EXPECT_EQ(measured_value(c, params, 0, {2.0}), 2.0);
   add_effect(c, tiller_effect_sensor_bias, 0);
   EXPECT_TRUE(has_sensor_effects(c));
   add_effect(c, tiller_effect_sensor_scale, 0);
-  EXPECT_EQ(measured_value(c, params, 0, 2.0), 2.0);  // of the rate: no effect there
-  EXPECT_NEAR(measured_value(c, params, 1, 2.0), 1.1 * (2.0 + 0.5), 1e-15);
+  EXPECT_EQ(measured_value(c, params, 0, {2.0}), 2.0);  // of the rate: no effect there
+  EXPECT_NEAR(measured_value(c, params, 1, {2.0}), 1.1 * (2.0 + 0.5), 1e-15);
   EXPECT_NEAR(state_of_measured(c, params, 0, 2.75), 2.0, 1e-15);
 }
 
@@ -648,10 +648,39 @@ TEST(Sensor, AnEccentricEncoderReadsTooFarWithThePosition) {
     return scaled + 0.05 * std::cos(a) - 0.08 * std::sin(a);
   };
   for (const double x : {-3.0, -0.4, 0.0, 0.7, 4.2}) {
-    EXPECT_NEAR(measured_value(c, params, 0, x), read(x), 1e-14);
-    EXPECT_NEAR(measurement_map(c, 0, x, params).gain, (read(x + 1e-6) - read(x - 1e-6)) / 2e-6, 1e-8);
+    EXPECT_NEAR(measured_value(c, params, 0, {x}), read(x), 1e-14);
+    EXPECT_NEAR(measurement_map(c, 0, {x}, params).gain, (read(x + 1e-6) - read(x - 1e-6)) / 2e-6, 1e-8);
     EXPECT_NEAR(state_of_measured(c, params, 0, read(x)), x, 1e-14);
   }
+}
+
+// Along a motion of constant acceleration: exact by the path, at any delay, and by the derivatives.
+TEST(Sensor, ALateReadingIsOfTheStateBefore) {
+  tiller::Config c = plain_config(tiller_find_model("pendulum"));
+  c.measurement_count = 2;
+  c.measured_state[0] = 0;
+  c.measured_state[1] = 1;
+  add_effect(c, tiller_effect_sensor_scale, 0);
+  add_effect(c, tiller_effect_sensor_delay, 0);
+  add_effect(c, tiller_effect_sensor_delay, 1);
+  constexpr double kPeriod_s = 0.01, kA = 30.0, kV = -2.0, kX = 0.4;
+  const auto x = [](double t) { return kX + kV * t + 0.5 * kA * t * t; };
+  const auto v = [](double t) { return kV + kA * t; };
+  double path[2 * 12];
+  for (int k = 0; k < 12; ++k) path[2 * k] = x(k * kPeriod_s), path[2 * k + 1] = v(k * kPeriod_s);
+  for (const double late : {0.0, 0.003, 0.01, 0.0471}) {
+    const double params[] = {1, 1, 1, 0.1, late, 0.5 * late};
+    EXPECT_NEAR(tiller::reading_on_path(c, params, 0, path, 9, kPeriod_s), 1.1 * x(0.09 - late), 1e-12);
+    EXPECT_NEAR(tiller::reading_on_path(c, params, 1, path, 9, kPeriod_s), v(0.09 - 0.5 * late), 1e-12);
+    const double* const now = path + 2 * 9;
+    const auto place = tiller::sight_of(*c.model, 0, now, 1, now - 2, 1, kPeriod_s);
+    const auto speed = tiller::sight_of(*c.model, 1, now, 1, now - 2, 1, kPeriod_s);
+    EXPECT_NEAR(measured_value(c, params, 0, place), 1.1 * x(0.09 - late), 1e-12);
+    EXPECT_NEAR(measured_value(c, params, 1, speed), v(0.09 - 0.5 * late), 1e-12);
+  }
+  const double before[] = {1, 1, 1, 0.0, 0.13, 0.11};
+  EXPECT_NEAR(tiller::reading_on_path(c, before, 0, path, 9, kPeriod_s), x(-0.04), 1e-12) << "as at the first row";
+  EXPECT_NEAR(tiller::reading_on_path(c, before, 1, path, 9, kPeriod_s), v(-0.02), 1e-12);
 }
 
 // A torque that swings: the joint turns round several times, within steps. Against a reference at a microsecond.

@@ -240,5 +240,28 @@ TEST(EncoderEccentricity, ShowsAWaveOverTheTurn) {
   EXPECT_NEAR(clean, 0.11, 1e-12);
 }
 
+// On top of the latency that all sensors have, and of nothing but this one: a cart-pole's cart on its way, and its pole.
+TEST(SensorDelay, ShowsOneSensorOfBefore) {
+  PlantOptions o;
+  o.kind = "cart_pole";
+  o.watchdog_timeout_s = 0;
+  o.measurement_latency_s = 0.01;
+  o.initial_state["position_m"] = 0.2;
+  o.initial_state["velocity_m_s"] = 0.5;
+  const auto plain = make(o);
+  o.effects = {{"sensor_delay", "position_m", {{"delay_s", 0.034}}}};
+  const auto late = make(o);
+  double before[2], now[2], seen[2];
+  plain->advance(0.1 - 0.034);
+  plain->measure_clean(before);
+  plain->advance(0.034);
+  plain->measure_clean(now);
+  late->advance(0.1);
+  late->measure_clean(seen);
+  EXPECT_NEAR(seen[0], before[0], 1e-9);
+  EXPECT_EQ(seen[1], now[1]);
+  EXPECT_GT(now[0] - before[0], 0.005);
+}
+
 }  // namespace
 }  // namespace tiller::sim

@@ -208,6 +208,8 @@ bool write_new_robot(const GapOptions& options, const RobotFile& robot, const st
   const std::string posterior = (folder / (robot.name + "_gap.posterior.json")).string();
   if (error.empty() && rest && add_residual(options, robot, result, posterior, text)) worth = true;
   if (error.empty() && !worth) return true;
+  const fs::path own = fs::path(robot.path).parent_path();
+  text = gap::with_paths_from(text, own.empty() ? "." : own.string(), folder.string());
   const std::string target = (folder / (robot.name + "_gap.toml")).string();
   if (!error.empty() || !replace_file(target, text, error)) {
     complain("the new robot file was not written: " + error);

@@ -29,18 +29,23 @@ void Roller::as_measured(double* rows, std::size_t steps) {
   const std::size_t nx = model_.state_count;
   std::uint32_t measured = 0;
   for (std::uint32_t k = 0; k < config_.measurement_count; ++k) measured |= 1u << config_.measured_state[k];
-  for (std::size_t step = 0; step < steps; ++step, rows += nx * kLanes)
+  for (std::size_t step = steps; step-- > 0;)  // from the end: a late reading is of a row before it
     for (std::uint32_t lane = 0; lane < kLanes; ++lane) {
+      double* const now = rows + step * nx * kLanes + lane;
+      double seen[TILLER_MAX_STATES];
       const auto map = [&](std::uint32_t i) {
-        return measurement_map(config_, i, rows[i * kLanes + lane], rollout_.params() + lane, kLanes);
+        return measurement_map(config_, i, {seen[i]}, rollout_.params() + lane, kLanes);
       };
+      for (std::uint32_t i = 0; i < nx; ++i) {
+        const double late = late_by_s(config_, i, rollout_.params() + lane, kLanes) / grid_->period_s;
+        seen[i] = state_late(model_, i, rows + lane, step, late, grid_->period_s, kLanes);
+      }
       for (std::uint32_t j = 0; j < model_.joint_count; ++j) {  // rates first: by the positions as they are
         const tiller_joint_t& joint = model_.joints[j];
         if (joint.position == TILLER_NO_POSITION || measured >> joint.velocity & 1u) continue;
-        rows[joint.velocity * kLanes + lane] *= map(joint.position).gain;
+        seen[joint.velocity] *= map(joint.position).gain;
       }
-      for (std::uint32_t i = 0; i < nx; ++i)
-        if (measured >> i & 1u) rows[i * kLanes + lane] = map(i).of(rows[i * kLanes + lane]);
+      for (std::uint32_t i = 0; i < nx; ++i) now[i * kLanes] = measured >> i & 1u ? map(i).of(seen[i]) : seen[i];
     }
 }
 

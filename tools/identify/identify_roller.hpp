@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "core/rng.hpp"
-#include "rollout/measurement.hpp"
+#include "rollout/late_reading.hpp"
 #include "tiller/config.hpp"
 #include "tools/identify/identify_fit.hpp"
 #include "tools/identify/lane_filter.hpp"

@@ -41,18 +41,23 @@ LaneFilter::LaneFilter(const tiller_config_t& config, std::uint32_t lanes)
   log_variance_.resize(n);
   for (std::uint32_t k = 0; k < ny_; ++k)
     measurement_variance_[k] = config.measurement_sd[k] * config.measurement_sd[k];
+  for (std::uint32_t k = 0; k < ny_; ++k) rate_state_[k] = velocity_of(model_, config.measured_state[k]);
 }
 
-void LaneFilter::map_sensors() {
+void LaneFilter::map_sensors(const double* before, double period_s) {
   if (!has_sensor_effects(config_)) return;
   gain_.resize(std::size_t{ny_} * lanes_);
   offset_.resize(gain_.size());
+  rate_gain_.resize(gain_.size());
   for (std::uint32_t k = 0; k < ny_; ++k)
     for (std::uint32_t l = 0; l < lanes_; ++l) {
       const std::uint32_t i = config_.measured_state[k];
-      const MeasurementMap map = measurement_map(config_, i, state_[i * lanes_ + l], params_.data() + l, lanes_);
+      const SensorSight<double> at =
+          sight_of(model_, i, &state_[l], lanes_, before ? before + l : nullptr, lanes_, period_s);
+      const MeasurementMap map = measurement_map(config_, i, at, params_.data() + l, lanes_);
       gain_[k * lanes_ + l] = map.gain;
       offset_[k * lanes_ + l] = map.offset;
+      rate_gain_[k * lanes_ + l] = map.rate_gain;
     }
 }
 
@@ -70,7 +75,7 @@ void LaneFilter::begin(const double* measured) {
   double first[TILLER_MAX_MEASUREMENTS];
   std::copy_n(measured, ny_, first);
   take_attitudes(config_, first);
-  map_sensors();
+  map_sensors(nullptr, 0.0);
   correct(first);
   // the first measurement tells of the start, of no parameter
   std::fill(squared_error_.begin(), squared_error_.end(), 0.0);
@@ -80,7 +85,7 @@ void LaneFilter::begin(const double* measured) {
 
 void LaneFilter::step(const Transition& transition, double noise_scale) {
   predict(transition);
-  map_sensors();
+  map_sensors(next_state_.data(), transition.period_s);
   double measured[TILLER_MAX_MEASUREMENTS];
   std::copy_n(transition.measured, ny_, measured);
   take_attitudes(config_, measured);
@@ -141,6 +146,8 @@ void LaneFilter::correct(const double* measured) {
   job.variance = measurement_variance_;
   job.gain = gain_.empty() ? nullptr : gain_.data();
   job.offset = offset_.empty() ? nullptr : offset_.data();
+  if (has_late_readings(config_)) job.rate_gain = rate_gain_.data();
+  job.rate_state = rate_state_;
   job.from = job.to = {state_.data(), covariance_.data(), effect_state_.data(), lanes_};
   job.squared_error = squared_error_.data();
   job.log_variance = log_variance_.data();
@@ -164,12 +171,16 @@ void LaneFilter::gate(double* measured, double noise_scale) {
 bool LaneFilter::is_explained(std::uint32_t channel, const double* measured, double noise_scale) const {
   const std::uint32_t state = config_.measured_state[channel];
   const double scale = std::fmax(1.0, noise_scale * noise_scale);
-  const double* variance = &covariance_[triangle_row(nx_, state, state) * lanes_];
   for (std::uint32_t l = 0; l < lanes_; ++l) {
     const std::size_t at = channel * lanes_ + l;
-    const double gain = gain_.empty() ? 1.0 : gain_[at], offset = offset_.empty() ? 0.0 : offset_[at];
-    const double error = innovation_of(config_, measured, channel, state_.data() + l, lanes_, {gain, offset});
-    const double sum = gain * gain * variance[l] + measurement_variance_[channel];
+    const MeasurementMap map =
+        gain_.empty() ? MeasurementMap{} : MeasurementMap{gain_[at], offset_[at], rate_gain_[at]};
+    const double error = innovation_of(config_, measured, channel, state_.data() + l, lanes_, map);
+    const double sum = reading_variance(model_, map, state,
+                                        [&](std::uint32_t i, std::uint32_t j) {
+                                          return covariance_[triangle_row(nx_, i, j) * lanes_ + l];
+                                        }) +
+                       measurement_variance_[channel];
     if (error * error <= kGate * kGate * scale * sum) return true;
   }
   return false;

@@ -35,7 +35,8 @@ class LaneFilter {
   std::uint64_t values() const { return values_; }                                 ///< measured values in these sums
 
  private:
-  void map_sensors();
+  /// `before`: (nx x lanes) of a period ago; null where there is none.
+  void map_sensors(const double* before, double period_s);
   void predict(const Transition& transition);
   void correct(const double* measured);
   void gate(double* measured, double noise_scale);
@@ -49,8 +50,9 @@ class LaneFilter {
   std::uint32_t lanes_, nx_, nu_, ny_, ns_;
   std::vector<double> params_, process_share_, state_, covariance_, effect_state_, jacobian_, history_;
   std::vector<double> next_state_, next_effect_state_;
-  std::vector<double> gain_, offset_, squared_error_, log_variance_;
+  std::vector<double> gain_, offset_, rate_gain_, squared_error_, log_variance_;
   double measurement_variance_[TILLER_MAX_MEASUREMENTS] = {};
+  std::uint32_t rate_state_[TILLER_MAX_MEASUREMENTS] = {};
   std::uint32_t gated_in_a_row_[TILLER_MAX_MEASUREMENTS] = {};
   std::uint64_t values_ = 0;
 };

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "core/rng.hpp"
-#include "rollout/measurement.hpp"
+#include "rollout/late_reading.hpp"
 #include "tools/smooth/grid_rollout.hpp"
 #include "tools/smooth/smoother.hpp"
 
@@ -52,9 +52,11 @@ class Judge {
   }
 
  private:
-  /// What the lane's sensor would show of a state.
-  double reading(std::uint32_t channel, std::uint32_t lane, double state) {
-    return sensors_ ? measured_value(*who_.config, calm_.params() + lane, channel, state, kLanes) : state;
+  /// What the lane's sensor would show at row `k` of a path.
+  double reading(const Grid& grid, std::uint32_t channel, std::uint32_t lane, const double* path, std::size_t k) {
+    const std::uint32_t i = who_.config->measured_state[channel];
+    if (!sensors_) return path[(k * model_.state_count + i) * kLanes + lane];
+    return reading_on_path(*who_.config, calm_.params() + lane, channel, path + lane, k, grid.period_s, kLanes);
   }
   /// The mean over the hypotheses against every reading of the second.
   void errors(const Grid& grid, std::size_t k, std::size_t horizon, const double* path, Sums& sums) {
@@ -63,11 +65,10 @@ class Judge {
         const std::uint32_t i = who_.config->measured_state[c];
         const double measured = grid.state[i][k + s];
         if (!std::isfinite(measured)) continue;
-        const double* const row = path + (s * model_.state_count + i) * kLanes;
-        const double first = reading(c, 0, row[0]);
+        const double first = reading(grid, c, 0, path, s);
         double mean = 0.0;
         for (std::uint32_t l = 0; l < kLanes; ++l)
-          mean += state_difference(model_, i, reading(c, l, row[l]), first) / kLanes;
+          mean += state_difference(model_, i, reading(grid, c, l, path, s), first) / kLanes;
         // a rollout that has left the world counts as far away, not as everything
         const double e = std::min(
             std::fabs(state_difference(model_, i, measured, first + mean)) / who_.config->measurement_sd[c], 1e6);
@@ -101,8 +102,7 @@ class Judge {
       if (!std::isfinite(measured)) continue;
       double off[kLanes];
       for (std::uint32_t l = 0; l < kLanes; ++l)
-        off[l] = state_difference(model_, i, reading(c, l, path[(horizon * model_.state_count + i) * kLanes + l]),
-                                  measured) +
+        off[l] = state_difference(model_, i, reading(grid, c, l, path, horizon), measured) +
                  who_.config->measurement_sd[c] * rng_.normal();
       std::sort(off, off + kLanes);
       sums.covered += off[3] <= 0.0 && off[kLanes - 4] >= 0.0;

@@ -5,7 +5,6 @@
 #include <limits>
 
 #include "effects/effect_info.hpp"
-#include "rollout/measurement.hpp"
 #include "tools/robot/units.hpp"
 
 namespace tiller::tools {
@@ -158,6 +157,7 @@ std::unique_ptr<ModelPlant> ModelPlant::make(const RobotFile& robot, std::string
     error = where(robot) + tiller_status_text(status);
     return nullptr;
   }
+  plant->path_.begin(plant->config_, plant->state_);
   plant->table_ = &select_rollout(*robot.config.model);
   plant->history_.assign((plant->setup_.delay_steps + 1) * robot.config.model->input_count, 0.0);
   plant->generator_.seed(robot.sim.noise_seed ? robot.sim.noise_seed : robot.sim.seed);
@@ -199,6 +199,7 @@ void ModelPlant::advance(const double* command) {
   job.final_effect_state = effects;
   table_->rollout_f64(*config_.model, job);
   for (std::uint32_t i = 0; i < nx; ++i) state_[i] = next[i * lanes];
+  path_.push(state_);
   for (std::uint32_t i = 0; i < setup_.effect_state_count; ++i) effect_state_[i] = effects[i * lanes];
   std::rotate(history_.begin(), history_.end() - nu, history_.end());
   std::copy(command, command + nu, history_.begin());
@@ -213,7 +214,7 @@ double ModelPlant::normal() {
 
 void ModelPlant::measure(double* out) {
   for (std::uint32_t k = 0; k < config_.measurement_count; ++k) {
-    out[k] = measured_value(config_, params_.data(), k, state_[config_.measured_state[k]]) + sensor_sd_[k] * normal();
+    out[k] = path_.reading(config_, params_.data(), k) + sensor_sd_[k] * normal();
     if (sensor_step_[k] > 0) out[k] = sensor_step_[k] * std::nearbyint(out[k] / sensor_step_[k]);
   }
 }

@@ -9,6 +9,7 @@
 #include "rollout/rollout.hpp"
 #include "tiller/config.hpp"
 #include "tools/links/link.hpp"
+#include "tools/links/plant_path.hpp"
 
 namespace tiller::tools {
 
@@ -40,6 +41,7 @@ class ModelPlant {
   double state_[TILLER_MAX_STATES] = {};
   double effect_state_[TILLER_MAX_EFFECT_STATES + 1] = {};
   std::vector<double> params_, history_, true_params_;
+  PlantPath path_;
   double sensor_sd_[TILLER_MAX_MEASUREMENTS] = {}, sensor_step_[TILLER_MAX_MEASUREMENTS] = {};
   std::mt19937_64 generator_;
   std::int64_t time_us_ = 0;

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "rollout/measurement.hpp"
-
 namespace tiller::tools {
 
 double centre_of(const tiller_prior_t& prior) {
@@ -16,6 +14,7 @@ TrialPlant::TrialPlant(const tiller_config_t& config, std::uint32_t substeps) : 
   setup_.substeps = substeps;
   for (std::uint32_t i = 0; i < config.param_count; ++i) params_.push_back(centre_of(config.priors[i]));
   state_.assign(config.initial_state, config.initial_state + config.model->state_count);
+  path_.begin(config, state_.data());
   effect_state_.resize(std::max(1u, setup_.effect_state_count));
   history_.resize(std::size_t{setup_.delay_steps + 1} * config.model->input_count);
 }
@@ -36,6 +35,7 @@ void TrialPlant::step(const double* command) {
   job.final_effect_state = next_effects.data();
   select_rollout(*config_.model).rollout_f64(*config_.model, job);
   for (std::size_t i = 0; i < state_.size(); ++i) state_[i] = next[i * lanes];
+  path_.push(state_.data());
   for (std::uint32_t i = 0; i < setup_.effect_state_count; ++i) effect_state_[i] = next_effects[i * lanes];
   const std::uint32_t nu = config_.model->input_count;
   std::rotate(history_.begin(), history_.end() - nu, history_.end());
@@ -46,8 +46,7 @@ tiller_measurement_t TrialPlant::measure(std::uint32_t tick) const {
   tiller_measurement_t m = {};
   m.stamp_us = 1000000 + std::llround(tick * config_.period_s * 1e6);
   m.sequence = tick + 1;
-  for (std::uint32_t k = 0; k < config_.measurement_count; ++k)
-    m.value[k] = measured_value(config_, params_.data(), k, state_[config_.measured_state[k]]);
+  for (std::uint32_t k = 0; k < config_.measurement_count; ++k) m.value[k] = path_.reading(config_, params_.data(), k);
   return m;
 }
 

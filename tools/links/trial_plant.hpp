@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "rollout/rollout.hpp"
+#include "tools/links/plant_path.hpp"
 
 namespace tiller::tools {
 
@@ -29,6 +30,7 @@ class TrialPlant {
   bool good_ = false;
   StepSetup setup_;
   std::vector<double> params_, state_, effect_state_, history_;
+  PlantPath path_;
 };
 
 }  // namespace tiller::tools

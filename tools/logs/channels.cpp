@@ -78,6 +78,7 @@ bool run_tool(const std::string& path, const std::vector<LogColumn>& columns, Ch
 
 bool has_all(const Channels& channels, std::vector<LogColumn>& columns, Log& log, LogProblems& problems) {
   const auto is_there = [&](const LogColumn& c) { return channels.problems.count(c.column) == 0; };
+  drop_missing_sensors([&](const std::string& name) { return channels.problems.count(name) == 0; }, columns, log);
   const bool no_input = std::none_of(columns.begin(), columns.end(), [&](const LogColumn& c) {
     return c.kind == LogColumn::Kind::input && is_there(c);
   });

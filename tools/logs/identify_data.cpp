@@ -121,6 +121,13 @@ std::vector<double> on_grid(const Log& log, const std::vector<double>& values, d
   return out;
 }
 
+// Whether the sensor reads an angle, which goes the short way round between its samples.
+bool is_angle(const tiller_model_t& model, const LogSensor& sensor) {
+  for (std::uint32_t i = 0; i < model.state_count; ++i)
+    if (sensor.derivative == 0 && sensor.of == model.state_names[i]) return (model.angle_mask >> i & 1u) != 0;
+  return false;
+}
+
 Grid make_grid(const Log& log, const Rates& rates, bool hold, const tiller_config_t& config, const Segment& segment) {
   const tiller_model_t& model = *config.model;
   Grid grid;
@@ -133,6 +140,10 @@ Grid make_grid(const Log& log, const Rates& rates, bool hold, const tiller_confi
   for (std::uint32_t i = 0; i < model.state_count; ++i)
     grid.state.push_back(on_grid(log, log.state[i], rates.state_s[i], (model.angle_mask >> i & 1u) != 0, segment,
                                  config.period_s, points));
+  for (std::size_t i = 0; i < log.sensor.size(); ++i)
+    grid.sensor.push_back(
+        {log.map.sensors[i], on_grid(log, log.sensor[i], median_step_s(log, log.sensor[i]),
+                                     is_angle(model, log.map.sensors[i]), segment, config.period_s, points)});
   grid.input.resize(model.input_count);
   for (std::uint32_t i = 0; i < model.input_count; ++i)
     for (std::size_t p = 0; p < points; ++p) {
@@ -227,11 +238,14 @@ std::vector<Grid> make_grids(const Log& log, const LogMap& map, const tiller_con
 Grid part_of(const Grid& grid, std::size_t first, std::size_t end) {
   Grid part = grid;
   part.first_time_s += static_cast<double>(first) * grid.period_s;
+  const auto cut = [&](std::vector<double>& row) {
+    if (!row.empty())
+      row = std::vector<double>(row.begin() + static_cast<std::ptrdiff_t>(first),
+                                row.begin() + static_cast<std::ptrdiff_t>(end));
+  };
   for (auto* rows : {&part.state, &part.input})
-    for (std::vector<double>& row : *rows)
-      if (!row.empty())
-        row = std::vector<double>(row.begin() + static_cast<std::ptrdiff_t>(first),
-                                  row.begin() + static_cast<std::ptrdiff_t>(end));
+    for (std::vector<double>& row : *rows) cut(row);
+  for (GridSensor& sensor : part.sensor) cut(sensor.value);
   return part;
 }
 

@@ -20,6 +20,12 @@ struct Stretch {
 /// Merges rows to steps of about config.period_s (a log that is coarser keeps its own steps) and splits at gaps.
 std::vector<Stretch> make_stretches(const Log& log, const LogMap& map, const tiller_config_t& config);
 
+/// A sensor of [[log.sensors]] on a grid.
+struct GridSensor {
+  LogSensor is;
+  std::vector<double> value;  ///< (points); NaN where not measured
+};
+
 /// A stretch on a uniform grid of config.period_s, for rollouts that many lanes take together.
 struct Grid {
   std::string path;
@@ -28,7 +34,8 @@ struct Grid {
   double time_scale = 1;  ///< of what is slow and fast here, over that of a machine that moves within a second
   std::vector<std::vector<double>> state;  ///< (nx) of (points): interpolated; NaN where not measured
   std::vector<std::vector<double>> input;  ///< (nu) of (points): mean from the point to the next
-  double log_start_s = 0;                  ///< first_time_s of its log
+  std::vector<GridSensor> sensor;
+  double log_start_s = 0;  ///< first_time_s of its log
   double since_start_s(std::size_t point) const {
     return first_time_s - log_start_s + static_cast<double>(point) * period_s;
   }

@@ -83,7 +83,10 @@ bool read_csv_log(std::istream& file, const std::string& path, const LogMap& map
   }
   LogProblems problems(path);
   log.undriven = is_undriven(map, model, csv.names());
-  const std::vector<LogColumn> columns = log_columns(map, model, measured, !log.undriven);
+  std::vector<LogColumn> columns = log_columns(map, model, measured, !log.undriven);
+  const Words& names = csv.names();
+  drop_missing_sensors([&](const std::string& name) { return std::count(names.begin(), names.end(), name) > 0; },
+                       columns, log);
   std::vector<std::size_t> at;
   if (find_columns(csv.names(), "the header", columns, at, problems)) read_rows(csv, columns, at, log, problems);
   if (const std::string dialect = csv.dialect(); !dialect.empty()) add_note("read with " + dialect, log);

@@ -12,15 +12,16 @@ namespace tiller::tools {
 /// or, in a table, a line. Sensors that are read at other rates are missing (NaN) in between; inputs hold there.
 struct Log {
   std::string path;
-  LogMap map;                              ///< how it was read: [log] where names and units are its writer's own
-  std::string note;                        ///< what of it is unlike a plain log, and how it was read; empty: nothing
-  std::vector<int> line;                   ///< (rows) of the file, 1-based; of a bag: number of the row
-  std::vector<double> time_s;              ///< (rows) from the first row on
-  std::vector<std::vector<double>> state;  ///< (nx) of (rows); NaN: not measured; empty: no such column
-  std::vector<std::vector<double>> input;  ///< (nu) of (input_times())
-  std::vector<std::vector<double>> scale;  ///< (nu) of (input_times()), what [log] schedule multiplies the input by
-  std::vector<double> input_time_s;        ///< stamps of the inputs' own; empty: those of the rows
-  bool undriven = false;                   ///< inputs are 0 because the log has none
+  LogMap map;                               ///< how it was read: [log] where names and units are its writer's own
+  std::string note;                         ///< what of it is unlike a plain log, and how it was read; empty: nothing
+  std::vector<int> line;                    ///< (rows) of the file, 1-based; of a bag: number of the row
+  std::vector<double> time_s;               ///< (rows) from the first row on
+  std::vector<std::vector<double>> state;   ///< (nx) of (rows); NaN: not measured; empty: no such column
+  std::vector<std::vector<double>> input;   ///< (nu) of (input_times())
+  std::vector<std::vector<double>> scale;   ///< (nu) of (input_times()), what [log] schedule multiplies the input by
+  std::vector<std::vector<double>> sensor;  ///< (map.sensors) of (rows); NaN: not measured
+  std::vector<double> input_time_s;         ///< stamps of the inputs' own; empty: those of the rows
+  bool undriven = false;                    ///< inputs are 0 because the log has none
   std::size_t rows() const { return time_s.size(); }
   const std::vector<double>& input_times() const { return input_time_s.empty() ? time_s : input_time_s; }
 };

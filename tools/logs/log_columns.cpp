@@ -39,6 +39,17 @@ LogColumn make_schedule(const LogSchedule& schedule, const std::string& input, s
   return column;
 }
 
+LogColumn make_sensor(const LogSensor& sensor, std::size_t index) {
+  LogColumn column;
+  column.kind = LogColumn::Kind::sensor;
+  column.field = sensor.of;
+  column.column = sensor.column;
+  column.index = index;
+  column.factor = sensor.factor;
+  column.zero = sensor.zero;
+  return column;
+}
+
 /// Inputs and what multiplies them.
 template <class Visit>
 void for_inputs(Log& log, const Visit& visit) {
@@ -50,8 +61,9 @@ void for_inputs(Log& log, const Visit& visit) {
 /// What has a value in each row; inputs with stamps of their own have not.
 template <class Visit>
 void for_columns(Log& log, const Visit& visit) {
-  for (std::vector<double>& column : log.state)
-    if (!column.empty()) visit(column);
+  for (auto* columns : {&log.state, &log.sensor})
+    for (std::vector<double>& column : *columns)
+      if (!column.empty()) visit(column);
   if (log.input_time_s.empty()) for_inputs(log, visit);
 }
 
@@ -199,6 +211,7 @@ std::vector<LogColumn> log_columns(const LogMap& map, const tiller_model_t& mode
     const bool wanted = std::find(measured.begin(), measured.end(), static_cast<int>(i)) != measured.end();
     if (wanted || map.columns.count(field) > 0) columns.push_back(make_column(map, LogColumn::Kind::state, field, i));
   }
+  for (std::size_t i = 0; i < map.sensors.size(); ++i) columns.push_back(make_sensor(map.sensors[i], i));
   for (std::uint32_t i = 0; i < model.input_count && driven; ++i)
     columns.push_back(make_column(map, LogColumn::Kind::input, model.input_names[i], i));
   for (std::uint32_t i = 0; i < model.input_count && driven; ++i)
@@ -212,9 +225,19 @@ bool is_undriven(const LogMap& map, const tiller_model_t& model, const Words& na
   const auto is_state = [&](const std::string& name) {
     for (std::uint32_t i = 0; i < model.state_count; ++i)
       if (column_of(map, model.state_names[i]) == name) return true;
-    return name == map.time;
+    const auto is_it = [&](const LogSensor& sensor) { return sensor.column == name; };
+    return name == map.time || std::any_of(map.sensors.begin(), map.sensors.end(), is_it);
   };
   return std::all_of(names.begin(), names.end(), is_state);
+}
+
+void drop_missing_sensors(const std::function<bool(const std::string&)>& has, std::vector<LogColumn>& columns,
+                          Log& log) {
+  const auto gone = std::stable_partition(columns.begin(), columns.end(), [&](const LogColumn& c) {
+    return c.kind != LogColumn::Kind::sensor || has(c.column);
+  });
+  for (auto c = gone; c != columns.end(); ++c) add_note("no column '" + c->column + "' of [[log.sensors]]", log);
+  columns.erase(gone, columns.end());
 }
 
 bool find_columns(const Words& names, const char* whose, const std::vector<LogColumn>& columns,
@@ -250,6 +273,7 @@ void begin_log(const std::string& path, const LogMap& map, const tiller_model_t&
   log.state.resize(model.state_count);
   log.input.resize(model.input_count);
   log.scale.resize(model.input_count);
+  log.sensor.resize(map.sensors.size());
 }
 
 std::vector<double>& values_of(Log& log, const LogColumn& column) {
@@ -257,6 +281,7 @@ std::vector<double>& values_of(Log& log, const LogColumn& column) {
     case LogColumn::Kind::state: return log.state[column.index];
     case LogColumn::Kind::input: return log.input[column.index];
     case LogColumn::Kind::scale: return log.scale[column.index];
+    case LogColumn::Kind::sensor: return log.sensor[column.index];
     default: return log.time_s;
   }
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -27,22 +28,26 @@ class LogProblems {
 
 /// One quantity: where the file has it, and what makes SI units of it.
 struct LogColumn {
-  enum class Kind { time, state, input, scale } kind = Kind::time;
-  std::string field, column;  ///< "time", a state or an input; a name of the file's
+  enum class Kind { time, state, input, scale, sensor } kind = Kind::time;
+  std::string field, column;  ///< "time", a state, an input or what a sensor reads; a name of the file's
   double factor = 1, zero = 0;
-  std::size_t index = 0;  ///< of the state or the input
+  std::size_t index = 0;  ///< of the state, the input or the sensor
   bool at_inputs() const { return kind == Kind::input || kind == Kind::scale; }
   double si(double value) const { return (value - zero) * factor; }
 };
 
 /// What is read of a log: the stamps unless [log] row_s is theirs, the measured states, other states where [log]
-/// names a column for them, and the inputs of a robot that is `driven`.
+/// names a column for them, the sensors that [log] adds, and the inputs of a robot that is `driven`.
 std::vector<LogColumn> log_columns(const LogMap& map, const tiller_model_t& model, const std::vector<int>& measured,
                                    bool driven);
 
 /// Whether a log with these columns is of a robot that moves freely: [log] says so, or there are stamps and states
 /// alone. A further column may be a command under another name, so it takes a word in the robot file then.
 bool is_undriven(const LogMap& map, const tiller_model_t& model, const Words& names);
+
+/// Leaves out the columns of further sensors that `has` does not find, with a note: who needs them asks for them.
+void drop_missing_sensors(const std::function<bool(const std::string&)>& has, std::vector<LogColumn>& columns,
+                          Log& log);
 
 /// Where each column stands in `names`; `whose` has the names ("the header"). False with the reasons in `problems`.
 bool find_columns(const Words& names, const char* whose, const std::vector<LogColumn>& columns,

@@ -258,7 +258,8 @@ void drop_the_rest(std::vector<Log>& logs, const std::vector<Piece>& pieces) {
     Log& log = logs[l];
     keep_rows(pieces, l, log.line);
     keep_rows(pieces, l, log.time_s);
-    for (auto& channel : log.state) keep_rows(pieces, l, channel);
+    for (auto* channels : {&log.state, &log.sensor})
+      for (auto& channel : *channels) keep_rows(pieces, l, channel);
     for (auto& channel : log.input)
       if (log.input_time_s.empty()) keep_rows(pieces, l, channel);
   }

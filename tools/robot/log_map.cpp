@@ -40,6 +40,23 @@ constexpr struct {
 
 }  // namespace
 
+bool joints_tell_rate(const tiller_model_t& model, const std::string& of) {
+  const auto in_joint = [&](std::uint32_t i, bool velocity_too) {
+    for (std::uint32_t j = 0; j < model.joint_count; ++j) {
+      const tiller_joint_t& joint = model.joints[j];
+      if (joint.position == TILLER_NO_POSITION) continue;
+      if (joint.position == i || (velocity_too && joint.velocity == i)) return true;
+    }
+    return false;
+  };
+  bool all = true;
+  for (std::uint32_t i = 0; i < model.state_count; ++i) {
+    if (of == model.state_names[i]) return in_joint(i, false);
+    all = all && in_joint(i, true);
+  }
+  return all;
+}
+
 double unit_factor(const std::string& unit) {
   for (const auto& known : kUnits)
     if (unit == known.name) return known.factor;

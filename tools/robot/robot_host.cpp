@@ -250,6 +250,48 @@ void read_schedule(SectionReader& section, FileErrors& errors, const Words& inpu
   }
 }
 
+// [[log.sensors]] column = "camera_x_mm", of = "tip_x_m", sd = 0.002, factor = 0.001
+void read_log_sensors(SectionReader& section, const RobotFile& robot, LogMap& log) {
+  const toml::node* node = section.node("sensors");
+  if (!node) return;
+  const toml::array* list = node->as_array();
+  if (!list) return section.error("sensors", "is " + kind_text(*node), "head each sensor with [[log.sensors]]");
+  Words known = robot.names.states;
+  const tiller_model_t& model = *robot.config.model;
+  for (std::uint32_t i = 0; model.outputs && i < model.output_count; ++i) known.emplace_back(model.output_names[i]);
+  std::size_t index = 0;
+  for (const toml::node& element : *list) {
+    const std::string path = "log.sensors[" + std::to_string(++index) + "]";
+    SectionReader one(section.errors(), "log.sensors[]", path, element.as_table());
+    if (!element.is_table()) {
+      section.errors().at(element, path, "is " + kind_text(element), "head each sensor with [[log.sensors]]");
+      continue;
+    }
+    one.refuse_unknown();
+    LogSensor sensor;
+    const auto column = one.text("column"), of = one.text("of");
+    const auto sd = one.number("sd"), factor = one.number("factor"), zero = one.number("zero");
+    const auto derivative = one.count("derivative");
+    if (!one.has("column")) one.missing("column", "write column = \"...\", the sensor's name in the logs");
+    if (!one.has("of")) one.missing("of", "write of = \"...\", one of " + join(known));
+    if (!one.has("sd")) one.missing("sd", "write sd = ..., the standard deviation of its noise in SI units");
+    if (of && index_of(known, *of) < 0)
+      one.error("of", "'" + *of + "' is no state or output of the model", remedy_for_unknown(*of, known));
+    if (factor && *factor == 0) one.error("factor", "is 0", "write the SI units in one of the column's");
+    if (of && derivative.value_or(0) == 2 && !joints_tell_rate(model, *of))
+      one.error("derivative", "is 2, and the model does not tell the second derivative of " + *of,
+                "leave the sensor out; of a joint's position it does, and of an output where each state is a joint's");
+    if (!column || !of || !sd) continue;
+    sensor.column = *column;
+    sensor.of = *of;
+    sensor.sd = *sd;
+    sensor.derivative = static_cast<int>(derivative.value_or(0));
+    sensor.factor = factor.value_or(1);
+    sensor.zero = zero.value_or(0);
+    log.sensors.push_back(sensor);
+  }
+}
+
 void read_log_map(FileErrors& errors, const toml::table& root, RobotFile& robot) {
   const toml::table* table = section_table(errors, root, "log");
   SectionReader section(errors, "log", "log", table);
@@ -290,6 +332,7 @@ void read_log_map(FileErrors& errors, const toml::table& root, RobotFile& robot)
         log.zeros[word] = *node.value<double>();
     }
   read_schedule(section, errors, robot.names.inputs, log);
+  read_log_sensors(section, robot, log);
   names.emplace_back("time");
   read_words("units", names, log.units);
   for (const auto& [name, unit] : log.units) {

@@ -84,6 +84,10 @@ const std::vector<SectionSpec> kSections = {
      "Physics that the plant has and the model may lack. Beside the keys below, the effect's own parameters take "
      "numbers."},
     {"log", "[log]", "How logs from elsewhere are read; logs of tiller need nothing."},
+    {"log.sensors[]", "[[log.sensors]]",
+     "A sensor that the logs have beside the robot's own: a camera that sees the tool, a gyroscope, an accelerometer. "
+     "`tiller gap` fits and judges by it as by the others. A derivative by time is the change over the period that ends "
+     "at the row, and goes through the joints' velocities where it can."},
     {"figure", "[figure]",
      "The stick figure that the page of a run shows. Nothing else reads it. Lengths are in metres, x and y level and z "
      "up. A value is a number, the name of a state or a parameter, or a sum of these: "
@@ -361,6 +365,7 @@ const std::vector<KeySpec> kOthers = {
     {"log", "schedule", K::other, "", "none", 0, 0, false, hand, nullptr,
      "{ input = { column = \"volts\", nominal = 12 } }: the input acts in proportion to that column, as commanded where "
      "it reads its nominal value"},
+    {"log", "sensors", K::other, "", "none", 0, 0, false, hand, nullptr, "as [[log.sensors]]"},
     {"log", "input", K::choice, "", "hold", 0, 0, false, hand,
      [] {
        return Words{"hold", "mean"};
@@ -371,6 +376,17 @@ const std::vector<KeySpec> kOthers = {
     {"log", "undriven", K::flag, "", "false", 0, 1, false, hand, nullptr,
      "true: nothing drives the robot in the logs, every input is 0; so it is without this key where a log has only "
      "stamps and states"},
+
+    {"log.sensors[]", "column", K::text, "", kRequired, 0, 0, false, hand, nullptr, "of the logs"},
+    {"log.sensors[]", "of", K::text, "", kRequired, 0, 0, false, hand, nullptr, "state or output of the model"},
+    {"log.sensors[]", "derivative", K::count, "", "0", 0, 2, false, hand, nullptr,
+     "0: the sensor reads that; 1: its rate; 2: its acceleration"},
+    {"log.sensors[]", "sd", K::number, "SI", kRequired, kLeastScale, kValue, false, hand, nullptr,
+     "standard deviation of the noise, with what the sensor's place is not known to"},
+    {"log.sensors[]", "factor", K::number, "", "1", -kValue, kValue, false, hand, nullptr,
+     "SI units in one of the column's; below 0 where the sensor points the other way"},
+    {"log.sensors[]", "zero", K::number, "", "0", -kValue, kValue, false, hand, nullptr,
+     "what the column reads, in its unit, where the quantity is 0"},
 
     {"figure", "view", K::choice, "", "3d", 0, 0, false, hand, figure_view_names,
      "at first: side has x to the right and z up, top x to the right and y up; the mouse turns them all"},

@@ -87,13 +87,19 @@ class Filter {
   /// The state that would be read so.
   double logged(const Grid& grid, std::uint32_t i, std::size_t point) const {
     if (grid.state[i].empty()) return kNaN;
-    const double reading = grid.state[i][point];
-    return sensors_ ? state_of_measured(plain_, params_.data(), i, reading) : reading;
+    if (!sensors_) return grid.state[i][point];
+    const double place = static_cast<double>(point) + late_by_s(plain_, i, params_.data()) / grid.period_s;
+    const auto row = static_cast<std::size_t>(place);
+    const double share = place - static_cast<double>(row);
+    if (row + (share > 0 ? 1 : 0) >= grid.points()) return kNaN;
+    double reading = grid.state[i][row];
+    if (share > 0) reading += share * state_difference(model_, i, grid.state[i][row + 1], reading);
+    return state_of_measured(plain_, params_.data(), i, reading);
   }
   bool reads(std::uint32_t i) const { return std::isfinite(sd_[i]); }
   /// Of the state, where it is `at`.
   double sd_of(std::uint32_t i, double at) const {
-    return sensors_ ? sd_[i] / measurement_map(plain_, i, at, params_.data()).gain : sd_[i];
+    return sensors_ ? sd_[i] / measurement_map(plain_, i, {at}, params_.data()).gain : sd_[i];
   }
   const tiller_joint_t* joint_of_speed(std::uint32_t i) const {
     for (std::uint32_t j = 0; j < model_.joint_count; ++j)

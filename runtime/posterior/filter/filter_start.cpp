@@ -79,7 +79,7 @@ void FilterStart::begin_filters(const LaneFilter& filter, const FilterChunk& chu
     for (std::uint32_t f = nx_; f < nf_; ++f)
       rows.covariance[triangle_row(nf_, f, f) * rows.stride + l] = variance[f - nx_];
   }
-  filter.map_sensors(chunk, params, {state_, 0});
+  filter.map_sensors(chunk, params, {state_, 0}, {}, 0.0);
   CorrectJob job = filter.correct_job(measured_, chunk);
   job.from = job.to = rows;
   job.squared_error = unused;

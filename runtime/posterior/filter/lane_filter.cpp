@@ -45,6 +45,7 @@ FilterChunk* FilterChunk::lay_out(Arena& arena, std::uint32_t count, const tille
       c.gain = rows(ny);
       c.offset = rows(ny);
     }
+    if (has_late_readings(config)) c.rate_gain = rows(ny);
     if (chunks) chunks[i] = c;
   }
   return chunks;
@@ -57,15 +58,17 @@ LaneFilter::LaneFilter(const tiller_config_t& config, const StepSetup& setup, co
     : config_(&config), setup_(setup), table_(&table), lanes_(&filter_table()), scales_process_(scales_process) {
   for (std::uint32_t k = 0; k < ny(); ++k)
     measurement_variance_[k] = config.measurement_sd[k] * config.measurement_sd[k];
+  for (std::uint32_t k = 0; k < ny(); ++k) rate_state_[k] = velocity_of(*config.model, config.measured_state[k]);
 }
 
 void LaneFilter::predict(const FilterChunk& chunk, const Observation& seen, const LaneStep& step) const {
   const DisturbanceStates& disturbances = *chunk.lacking;
+  const Lanes<double> before = {step.from.state, step.from.stride};
   if (disturbances.states() == 0) {
     linearise(linearise_job(chunk, seen, step));
     if (quaternions() != 0) turn_jacobian(chunk, step);
     predict_covariance(chunk, seen.period_s, step);
-    map_sensors(chunk, step.params, {chunk.predicted.state, kLanes});
+    map_sensors(chunk, step.params, {chunk.predicted.state, kLanes}, before, seen.period_s);
     return;
   }
   Turn<double> kept[kLanes], mean[kLanes];
@@ -81,7 +84,7 @@ void LaneFilter::predict(const FilterChunk& chunk, const Observation& seen, cons
   if (quaternions() != 0) turn_jacobian(chunk, step);
   predict_covariance(chunk, seen.period_s, step);
   disturbances.add_process(lacking, chunk.predicted.covariance);
-  map_sensors(chunk, step.params, {chunk.predicted.state, kLanes});
+  map_sensors(chunk, step.params, {chunk.predicted.state, kLanes}, before, seen.period_s);
 }
 
 LineariseJob LaneFilter::linearise_job(const FilterChunk& chunk, const Observation& seen, const LaneStep& step) const {
@@ -171,24 +174,31 @@ void LaneFilter::predict_covariance(const FilterChunk& chunk, double period_s, c
   lanes_->predict(job);
 }
 
-void LaneFilter::map_sensors(const FilterChunk& chunk, Lanes<double> params, Lanes<double> state) const {
+void LaneFilter::map_sensors(const FilterChunk& chunk, Lanes<double> params, Lanes<double> state, Lanes<double> before,
+                             double period_s) const {
   if (!chunk.gain) return;
   for (std::uint32_t k = 0; k < ny(); ++k)
     for (std::uint32_t l = 0; l < kLanes; ++l) {
       const std::uint32_t i = config_->measured_state[k];
-      const double at = state.splat() ? state.data[i] : state.data[i * state.stride + l];
+      const SensorSight<double> at =
+          sight_of(*config_->model, i, state.data + (state.splat() ? 0 : l), state.splat() ? 1 : state.stride,
+                   before.data ? before.data + l : nullptr, before.stride, period_s);
       const MeasurementMap map = measurement_map(*config_, i, at, params.data + l, params.stride);
       chunk.gain[k * kLanes + l] = map.gain;
       chunk.offset[k * kLanes + l] = map.offset;
+      if (chunk.rate_gain) chunk.rate_gain[k * kLanes + l] = map.rate_gain;
     }
 }
 
 LaneFilter::Residual LaneFilter::residual(const FilterChunk& chunk, std::uint32_t lane, const double* measured,
                                           std::uint32_t k) const {
-  const std::uint32_t state = config_->measured_state[k], row = triangle_row(chunk.nf, state, state);
+  const std::uint32_t state = config_->measured_state[k];
   const MeasurementMap map = sensor(chunk, k, lane);
+  const auto covariance = [&](std::uint32_t i, std::uint32_t j) {
+    return chunk.predicted.covariance[triangle_row(chunk.nf, i, j) * kLanes + lane];
+  };
   return {innovation_of(*config_, measured, k, chunk.predicted.state + lane, kLanes, map),
-          map.gain * map.gain * chunk.predicted.covariance[row * kLanes + lane] + measurement_variance_[k]};
+          reading_variance(*config_->model, map, state, covariance) + measurement_variance_[k]};
 }
 
 CorrectJob LaneFilter::correct_job(const double* measured, const FilterChunk& chunk) const {
@@ -199,6 +209,8 @@ CorrectJob LaneFilter::correct_job(const double* measured, const FilterChunk& ch
   job.lanes = kLanes;
   job.gain = chunk.gain;
   job.offset = chunk.offset;
+  job.rate_gain = chunk.rate_gain;
+  job.rate_state = rate_state_;
   job.angle_mask = config_->model->angle_mask;
   job.quaternion_mask = quaternions();
   job.measured_state = config_->measured_state;

@@ -43,6 +43,7 @@ struct FilterChunk {
   double* push = nullptr;           // (nx x states) of the disturbances
   double* gain = nullptr;           // (ny) of the sensors; null where the configuration has no sensor effects
   double* offset = nullptr;         // (ny)
+  double* rate_gain = nullptr;      // (ny); null where no reading is late
 
   /// `count` chunks for filters with these disturbances, which stand at `at` once there is memory. d: coordinates.
   static FilterChunk* lay_out(Arena& arena, std::uint32_t count, const tiller_config_t& config, const StepSetup& setup,
@@ -86,11 +87,14 @@ class LaneFilter {
   /// From `predicted` into the chunk's filters; the caller sets the sums.
   CorrectJob correct_job(const double* measured, const FilterChunk& chunk) const;
 
-  /// How the sensors read about `state` with each lane's parameters.
-  void map_sensors(const FilterChunk& chunk, Lanes<double> params, Lanes<double> state) const;
+  /// How the sensors read about `state` with each lane's parameters; `before`: that of a period ago, without data where
+  /// there is none.
+  void map_sensors(const FilterChunk& chunk, Lanes<double> params, Lanes<double> state, Lanes<double> before,
+                   double period_s) const;
   MeasurementMap sensor(const FilterChunk& chunk, std::uint32_t k, std::uint32_t lane) const {
     if (!chunk.gain) return {};
-    return {chunk.gain[k * FilterChunk::kLanes + lane], chunk.offset[k * FilterChunk::kLanes + lane]};
+    const std::uint32_t at = k * FilterChunk::kLanes + lane;
+    return {chunk.gain[at], chunk.offset[at], chunk.rate_gain ? chunk.rate_gain[at] : 0.0};
   }
   /// A measured value less what one lane predicts, and the variance that the lane expects of it.
   struct Residual {
@@ -119,6 +123,7 @@ class LaneFilter {
   const FilterTable* lanes_ = nullptr;
   bool scales_process_ = false;
   double measurement_variance_[TILLER_MAX_MEASUREMENTS] = {};
+  std::uint32_t rate_state_[TILLER_MAX_MEASUREMENTS] = {};  // of each reading's state, its velocity
 };
 
 }  // namespace tiller

@@ -59,11 +59,10 @@ Outputs RivalRollout::outputs(const InputSequence& sequence, const std::vector<d
   Outputs out;
   std::vector<double> states;
   out.finite = run(sequence, {params}, states);
-  const std::uint32_t nx = rival_.config.model->state_count, ny = rival_.config.measurement_count;
+  const std::uint32_t ny = rival_.config.measurement_count;
   for (std::size_t k = 0; k < sequence.points(); ++k)
     for (std::uint32_t m = 0; m < ny; ++m)
-      out.value.push_back(
-          measured_value(rival_.config, params.data(), m, states[k * nx + rival_.config.measured_state[m]]));
+      out.value.push_back(reading_on_path(rival_.config, params.data(), m, states.data(), k, rival_.config.period_s));
   return out;
 }
 
@@ -86,25 +85,39 @@ void MeanInnovations::start(const std::vector<std::vector<double>>& params) {
     for (std::uint32_t i = 0; i < np; ++i) params_[i * lanes_ + l] = params[l < vectors_ ? l : 0][i];
     for (std::uint32_t i = 0; i < nx; ++i) state_[i * lanes_ + l] = config_.initial_state[i];
   }
+  next_ = state_;  // it has stood there
   // nothing is believed of the start, as `tiller gap` believes nothing: where a robot rests is what a bias changes
   constexpr double kUnknown = 1.0;
   p_ = Eigen::MatrixXd::Zero(nx, nx);
   for (std::uint32_t i = 0; i < nx; ++i) p_(i, i) = std::pow(std::max(config_.initial_state_sd[i], kUnknown), 2);
 }
 
-/// One channel after the other: their noises are independent.
+/// One channel after the other: their noises are independent. How the sensors read is taken where the prediction is.
 void MeanInnovations::correct(const double* measured, Eigen::MatrixXd& innovations, std::size_t row) {
-  const std::uint32_t nx = model_.state_count;
-  for (std::uint32_t m = 0; m < config_.measurement_count; ++m) {
-    const std::uint32_t state = config_.measured_state[m];
-    const auto map = [&](std::uint32_t v) {
-      return measurement_map(config_, state, state_[state * lanes_ + v], params_.data() + v, lanes_);
-    };
-    const double sd = config_.measurement_sd[m], slope = map(0).gain;
-    const double s = slope * slope * p_(state, state) + sd * sd;
-    const Eigen::VectorXd gain = p_.col(state) * slope / s;
+  const std::uint32_t nx = model_.state_count, ny = config_.measurement_count;
+  foreseen_.assign(state_.begin(), state_.end());
+  std::vector<MeasurementMap> maps;
+  for (std::uint32_t m = 0; m < ny; ++m)
     for (std::uint32_t v = 0; v < vectors_; ++v) {
-      const double off = state_difference(model_, state, measured[m], map(v).of(state_[state * lanes_ + v]));
+      const std::uint32_t state = config_.measured_state[m];
+      // next_: the states of a period before
+      const SensorSight<double> at = sight_of(model_, state, &state_[v], lanes_, &next_[v], lanes_, config_.period_s);
+      maps.push_back(measurement_map(config_, state, at, params_.data() + v, lanes_));
+    }
+  for (std::uint32_t m = 0; m < ny; ++m) {
+    const std::uint32_t state = config_.measured_state[m], rate = velocity_of(model_, state);
+    const MeasurementMap* map = &maps[std::size_t{m} * vectors_];
+    const double sd = config_.measurement_sd[m];
+    Eigen::VectorXd slope = Eigen::VectorXd::Zero(nx);
+    slope(state) = map[0].gain;
+    if (rate < nx) slope(rate) += map[0].rate_gain;
+    const Eigen::VectorXd spread = p_ * slope;
+    const double s = slope.dot(spread) + sd * sd;
+    const Eigen::VectorXd gain = spread / s;
+    for (std::uint32_t v = 0; v < vectors_; ++v) {
+      double reading = map[v].of(state_[state * lanes_ + v]);
+      if (rate < nx) reading += map[v].rate_gain * (state_[rate * lanes_ + v] - foreseen_[rate * lanes_ + v]);
+      const double off = state_difference(model_, state, measured[m], reading);
       innovations(static_cast<Eigen::Index>(row + m), v) = off / std::sqrt(s);
       for (std::uint32_t i = 0; i < nx; ++i) state_[i * lanes_ + v] += gain[i] * off;
     }
@@ -162,12 +175,16 @@ Eigen::MatrixXd MeanInnovations::run(const InputSequence& sequence, const Output
 
 namespace {
 
-constexpr double kUsual = 3.0;  // spreads that a refit may move at the cost of one nat or so
+constexpr double kUsual = 3.0;   // spreads that a refit may move at the cost of one nat or so
+constexpr double kStiffer = 20;  // times its stiffness, what a spring holds is rigid
+
+/// What a refit may move parameter i by, in its spreads.
+double usual(const Rival& rival, std::size_t i) { return rival.stiff[i] ? kUsual * kStiffer : kUsual; }
 
 double penalty(const Rival& rival, const std::vector<double>& params) {
   double sum = 0;
   for (std::size_t i = 0; i < params.size(); ++i)
-    if (rival.spread[i] > 0) sum += std::pow((params[i] - rival.value[i]) / (kUsual * rival.spread[i]), 2);
+    if (rival.spread[i] > 0) sum += std::pow((params[i] - rival.value[i]) / (usual(rival, i) * rival.spread[i]), 2);
   return sum;
 }
 
@@ -205,15 +222,16 @@ class Fit {
     at.total = at.squares + penalty(rival_, params);
     if (!std::isfinite(at.total)) return {params, INFINITY, INFINITY, {}, {}};
     Eigen::MatrixXd j(e.rows(), d);
-    Eigen::VectorXd pull(d);
+    Eigen::VectorXd pull(d), prior(d);
     for (Eigen::Index c = 0; c < d; ++c) {
       const std::size_t i = free_[static_cast<std::size_t>(c)];
       j.col(c) = (e.col(c + 1) - e.col(0)) / (change[static_cast<std::size_t>(c)] / rival_.spread[i]);
-      pull[c] = (params[i] - rival_.value[i]) / (kUsual * kUsual * rival_.spread[i]);
+      prior[c] = 1 / (usual(rival_, i) * usual(rival_, i));
+      pull[c] = prior[c] * (params[i] - rival_.value[i]) / rival_.spread[i];
     }
     at.gradient = j.transpose() * e.col(0) + pull;
     at.hessian = j.transpose() * j;
-    at.hessian.diagonal().array() += 1 / (kUsual * kUsual);
+    at.hessian.diagonal() += prior;
     return at;
   }
 
@@ -262,9 +280,9 @@ class Fit {
 
 }  // namespace
 
-Refit refit(const Rival& rival, MeanInnovations& filter, const InputSequence& sequence, const Outputs& outputs,
-            const std::vector<double>& start, int steps) {
-  Fit fit(rival, filter, sequence, outputs);
+namespace {
+
+Expansion descend(Fit& fit, const std::vector<double>& start, int steps) {
   Expansion best = fit.expand(start);
   double damping = 1e-3;
   for (int step = 0; step < steps && std::isfinite(best.total); ++step) {
@@ -277,6 +295,22 @@ Refit refit(const Rival& rival, MeanInnovations& filter, const InputSequence& se
     } else {
       damping *= 30;
     }
+  }
+  return best;
+}
+
+}  // namespace
+
+Refit refit(const Rival& rival, MeanInnovations& filter, const InputSequence& sequence, const Outputs& outputs,
+            const std::vector<double>& start, int steps) {
+  Fit fit(rival, filter, sequence, outputs);
+  Expansion best = descend(fit, start, steps);
+  std::vector<double> rigid = start;
+  for (std::size_t i = 0; i < rigid.size(); ++i)
+    if (rival.stiff[i]) rigid[i] = std::clamp(kStiffer * rival.value[i], rival.low[i], rival.high[i]);
+  if (rigid != start) {  // a slope does not lead there: a spring's falls with the square of its stiffness
+    const Expansion other = descend(fit, rigid, steps);
+    if (other.total < best.total || !std::isfinite(best.total)) best = other;
   }
   return {best.params, best.squares};
 }

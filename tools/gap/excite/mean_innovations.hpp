@@ -3,7 +3,7 @@
 #include <Eigen/Dense>
 #include <vector>
 
-#include "rollout/measurement.hpp"
+#include "rollout/late_reading.hpp"
 #include "tools/gap/excite/excite_sequence.hpp"
 #include "tools/gap/excite/rival.hpp"
 
@@ -57,7 +57,7 @@ class MeanInnovations {
   StepSetup setup_;
   std::uint32_t vectors_ = 0, lanes_ = 0;
   Eigen::MatrixXd p_;  // covariance (nx x nx)
-  std::vector<double> state_, next_, params_, effect_, next_effect_, history_, step_;
+  std::vector<double> state_, next_, foreseen_, params_, effect_, next_effect_, history_, step_;
 };
 
 /// Rival b's parameters moved so that it explains `outputs` best.
@@ -65,7 +65,8 @@ struct Refit {
   std::vector<double> params;  // (np)
   double squares = 0;          // D that remains; infinite where the filter diverges
 };
-/// Levenberg-Marquardt from `start` within the bounds, `steps` of it at most. A change costs (change / 3 spreads)^2.
+/// Levenberg-Marquardt from `start` within the bounds, `steps` of it at most. A change costs (change / 3 spreads)^2, of a
+/// stiffness (change / 60 spreads)^2: a spring that nobody sees give is a rigid joint.
 Refit refit(const Rival& rival, MeanInnovations& filter, const InputSequence& sequence, const Outputs& outputs,
             const std::vector<double>& start, int steps);
 

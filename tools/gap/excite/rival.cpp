@@ -62,6 +62,7 @@ Rival nominal(const RobotFile& robot) {
     r.spread.push_back(deviation(prior));
     r.low.push_back(prior.kind == tiller_prior_fixed ? prior.a : prior.low);
     r.high.push_back(prior.kind == tiller_prior_fixed ? prior.a : prior.high);
+    r.stiff.push_back(false);
     r.given.push_back(true);
   }
   return r;
@@ -107,6 +108,7 @@ bool add_effect(const RobotFile& robot, std::uint32_t kind, std::uint32_t port, 
     r.spread.push_back(0);
     r.low.push_back(p.low);
     r.high.push_back(p.high);
+    r.stiff.push_back(p.scale == Scale::stiffness);
     r.given.push_back(false);
     c.priors[c.param_count++] = {tiller_prior_fixed, 0, r.value.back(), 0.0, r.value.back(), r.value.back()};
   }
@@ -129,7 +131,7 @@ bool settle(Rival& r, std::string& error) {
         return false;
       }
       r.spread[index] = std::max(std::fabs(value), 1e-9);
-      if (has_role(e.kind, kDelay)) bound_delay(r, index);
+      if (has_role(e.kind, kDelay | kLate)) bound_delay(r, index);
     }
   }
   StepSetup setup;

@@ -19,6 +19,7 @@ struct Rival {
   std::vector<double> value;      ///< (np)
   std::vector<double> spread;     ///< (np) deviation that a refit takes for usual; 0: known
   std::vector<double> low, high;  ///< (np) hard bounds
+  std::vector<bool> stiff;        ///< (np) a stiffness, which may be any larger one: what it holds is then rigid
   std::vector<bool> given;        ///< (np) value came from the user or a report, not from a typical magnitude
 };
 

@@ -100,6 +100,13 @@ bool Shooting::open_response(const Hypothesis& h, const Fit& fit, std::size_t in
       response_position_[first + l] = position_between(w, path, joint, first + l);
     }
   }
+  const std::size_t gauges = rows_ - ny_;
+  for (std::size_t k = 0; k < w.points && gauges > 0; ++k) {
+    double state[TILLER_MAX_STATES];
+    for (std::uint32_t i = 0; i < nx_; ++i) state[i] = path[(k * nx_ + i) * kLanes];
+    for (std::size_t g = 0; g < gauges; ++g)
+      data_.gauges.slope(g, state, fit.params.data(), &response_c_[(k * gauges + g) * nx_]);
+  }
   return true;
 }
 
@@ -124,16 +131,29 @@ double Shooting::position_between(const Window& w, const std::vector<double>& pa
 
 void Shooting::begin_response() {
   std::fill(deviation_.begin(), deviation_.end(), 0.0);
-  std::fill_n(scratch_[0].rows.begin(), std::size_t{ny_} * kLanes, 0.0);
+  std::fill(scratch_[0].rows.begin(), scratch_[0].rows.end(), 0.0);
 }
 
-void Shooting::step_response(std::size_t, std::size_t k, const double* force) {
+void Shooting::step_response(std::size_t index, std::size_t k, const double* force) {
+  const Window& w = windows_[index];
   const double *a = response_a_.data() + k * nx_ * nx_, *b = response_b_.data() + k * nx_;
   double next[TILLER_MAX_STATES][kLanes];
   for (std::uint32_t r = 0; r < nx_; ++r) {
     for (std::uint32_t l = 0; l < kLanes; ++l) next[r][l] = b[r] * force[l];
     for (std::uint32_t c = 0; c < nx_; ++c)
       for (std::uint32_t l = 0; l < kLanes; ++l) next[r][l] += a[r * nx_ + c] * deviation_[c * kLanes + l];
+  }
+  const std::size_t gauges = rows_ - ny_;
+  for (std::size_t g = 0; g < gauges; ++g) {
+    double* row = scratch_[0].rows.data() + (w.points * ny_ + (k + 1) * gauges + g) * kLanes;
+    const double *now = &response_c_[((k + 1) * gauges + g) * nx_], *last = &response_c_[(k * gauges + g) * nx_];
+    const bool change = data_.gauges.before(g) > 0;
+    const double per = change ? 1 / data_.grids[w.grid].period_s : 1;
+    for (std::uint32_t l = 0; l < kLanes; ++l) {
+      row[l] = 0;
+      for (std::uint32_t i = 0; i < nx_; ++i)
+        row[l] += per * (now[i] * next[i][l] - (change ? last[i] * deviation_[i * kLanes + l] : 0));
+    }
   }
   for (std::uint32_t r = 0; r < nx_; ++r) std::copy_n(next[r], kLanes, deviation_.begin() + r * kLanes);
   for (std::uint32_t i = 0; i < ny_; ++i)
@@ -146,11 +166,11 @@ void Shooting::end_response(std::size_t index) {
   const Window& w = windows_[index];
   double* rows = scratch_[0].rows.data();
   const double* columns = scratch_[0].columns.data();
-  whitening_.apply(index, w, rows);
+  whitening_.apply(index, w, data_.grids[w.grid].period_s, rows);
   const std::uint32_t nc = stride_, starts = nc - 1;
   double along[(TILLER_MAX_STATES + kMostUnseen + 1) * kLanes] = {};
   std::fill(products_.begin(), products_.end(), 0.0);
-  for (std::size_t r = 0; r < std::size_t{w.points} * ny_; ++r) {
+  for (std::size_t r = 0; r < w.points * rows_; ++r) {
     const double *row = rows + r * kLanes, *column = columns + r * nc;
     for (std::uint32_t c = 0; c < nc; ++c)
       for (std::uint32_t l = 0; l < kLanes; ++l) along[c * kLanes + l] += column[c] * row[l];

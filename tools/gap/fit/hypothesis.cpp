@@ -30,8 +30,8 @@ double width(const tiller_prior_t& prior) {
 void bound(std::uint32_t kind, const EffectParam& param, const tiller_config_t& config, FreeParam& f) {
   f.low = param.low;
   f.high = param.high;
-  // a delay's bound is the longest that the runtime keeps commands for
-  if (has_role(kind, kDelay)) f.high = std::min(param.high, TILLER_MAX_DELAY_STEPS * config.period_s);
+  // a delay's bound is the longest that the runtime keeps commands for, and that windows are traced back for
+  if (has_role(kind, kDelay | kLate)) f.high = std::min(param.high, TILLER_MAX_DELAY_STEPS * config.period_s);
   // where 0 means off, what is next to it is a machine that stands still
   if (has_role(kind, kLimit)) f.low = 0.02 * f.scale;
   // a force that sags at once is a curve of the command, not a supply
@@ -130,12 +130,14 @@ void take_before(const ModelFit& before, const std::vector<EffectAt>& added, Hyp
   }
 }
 
-// A rotor between motor and joint has a place and a velocity of its own; what follows in its states is no motion.
+// A rotor between motor and joint has a place and a velocity of its own; what follows in its states is no motion. What
+// a supply gave before its log began is in no log.
 std::vector<std::uint32_t> unseen_states(const StepSetup& setup) {
   constexpr std::uint32_t kOfARotor = 2;
   std::vector<std::uint32_t> rows;
   for (std::uint32_t e = 0; e < setup.effect_count; ++e) {
     const EffectInfo& info = effect_info(setup.effects[e].kind);
+    if (has_role(setup.effects[e].kind, kLoad)) rows.push_back(setup.effects[e].state);
     if (!info.needs_drive || info.state_count < static_cast<int>(kOfARotor)) continue;
     for (std::uint32_t i = 0; i < kOfARotor; ++i) rows.push_back(setup.effects[e].state + i);
   }
@@ -193,6 +195,7 @@ bool make_hypothesis(const tiller_config_t& nominal, const std::vector<EffectAt>
   }
   if (scales && scales->before) take_before(*scales->before, added, out);
   out.sensors = has_sensor_effects(out.config);
+  out.late = has_late_readings(out.config);
   out.follows = false;
   for (std::uint32_t e = 0; e < out.config.effect_count; ++e) {
     const EffectInfo& info = effect_info(out.config.effects[e].kind);

@@ -27,9 +27,10 @@ struct Hypothesis {
   std::vector<EffectAt> added;
   std::vector<FreeParam> free;  ///< the model's inferred ones, then all of the added effects'
   bool sensors = false;         ///< an effect changes what is measured
+  bool late = false;            ///< by delays, too: a window's first readings are of before it
   bool follows = false;         ///< an effect has states that follow the motion
   /// Rows of effect states that neither commands nor the measured path tell: a rotor behind a spring or a play rings on
-  /// its own. Their place at a window's start is fitted with its start state. The first kMostUnseen of them.
+  /// its own. Their place at a window's start is fitted with its start state, a supply's load where the log begins. The first kMostUnseen of them.
   std::vector<std::uint32_t> unseen;
   std::uint32_t own_params = 0;  ///< parameters of the robot file's own model and effects
   std::size_t freedom = 0;       ///< free parameters; a changed one counts twice, for it was free before

@@ -42,31 +42,33 @@ Shooting::Shooting(const WindowData& data, const std::vector<Window>& windows, c
       scales_(scales),
       nx_(config.model->state_count),
       ny_(config.measurement_count),
+      rows_(config.measurement_count + data.gauges.count()),
       threads_(threads),
-      whitening_(config, windows.size(), most_points(windows)) {
+      whitening_(config, data.gauges, windows.size(), most_points(windows)) {
   const std::size_t most = most_points(windows);
   const unsigned count = threads ? threads->size() : 1;
   scratch_.reserve(count);
   for (unsigned i = 0; i < count; ++i)
-    scratch_.push_back({WindowRollout(data, config, most), std::vector<double>(most * ny_ * kLanes),
-                        std::vector<double>((most * ny_ + kMostUnseen) * kMostColumns)});
+    scratch_.push_back({WindowRollout(data, config, most), std::vector<double>(most * rows_ * kLanes),
+                        std::vector<double>((most * rows_ + kMostUnseen) * kMostColumns)});
   std::copy_n(config.measured_state, ny_, measured_);
   gram_.resize(windows.size() * kMostColumns * kMostColumns);
   response_a_.resize(most * nx_ * nx_);
   response_b_.resize(most * nx_);
   response_position_.resize(most);
+  response_c_.resize(most * (rows_ - ny_) * nx_);
   deviation_.resize(std::size_t{nx_} * kLanes);
   products_.resize(std::size_t{kLanes} * (kLanes + 1));
 }
 
 std::size_t Shooting::bytes_for(const tiller_config_t& config, std::size_t windows, std::size_t points,
-                                unsigned threads) {
-  const std::size_t nx = config.model->state_count, ny = config.measurement_count;
-  const std::size_t scratch = sizeof(Scratch) + WindowRollout::bytes_for(config, points) +
-                              sizeof(double) * (points * ny * kLanes + (points * ny + kMostUnseen) * kMostColumns);
-  return threads * scratch + Whitening::bytes_for(config, windows, points) +
-         sizeof(double) *
-             (points * (nx * nx + nx + 1) + windows * kMostColumns * kMostColumns + (nx + kLanes + 1) * kLanes);
+                                std::size_t gauges, unsigned threads) {
+  const std::size_t nx = config.model->state_count, rows = config.measurement_count + gauges;
+  const std::size_t scratch = sizeof(Scratch) + WindowRollout::bytes_for(config, points, gauges) +
+                              sizeof(double) * (points * rows * kLanes + (points * rows + kMostUnseen) * kMostColumns);
+  return threads * scratch + Whitening::bytes_for(config, windows, points, gauges) +
+         sizeof(double) * (points * (nx * nx + nx * (1 + gauges) + 1) + windows * kMostColumns * kMostColumns +
+                           (nx + kLanes + 1) * kLanes);
 }
 
 Fit Shooting::begin(const Hypothesis& h, const std::vector<double>& params, const Fit* warm) const {
@@ -220,11 +222,10 @@ void Shooting::residuals(const Hypothesis& h, const Fit& fit, std::size_t index,
   const Window& w = windows_[index];
   std::vector<double>& lanes = scratch_[0].rows;
   const double* predicted = predict(h, fit, index);
-  const double* measured = data_.measured[w.grid].data() + w.start * ny_;
-  const std::size_t m = std::size_t{w.points} * ny_;
+  const std::size_t m = w.points * rows_;
   for (std::size_t r = 0; r < m; ++r)
-    for (std::uint32_t l = 0; l < kLanes; ++l) lanes[r * kLanes + l] = measured[r] - predicted[r * kLanes + l];
-  whitening_.apply(index, w, lanes.data());
+    for (std::uint32_t l = 0; l < kLanes; ++l) lanes[r * kLanes + l] = measured_less(w, r, predicted[r * kLanes + l]);
+  whitening_.apply(index, w, data_.grids[w.grid].period_s, lanes.data());
   out.resize(m);
   for (std::size_t r = 0; r < m; ++r) out[r] = lanes[r * kLanes];
 }

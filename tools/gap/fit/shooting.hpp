@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <memory>
 #include <vector>
 
@@ -63,7 +64,7 @@ class Shooting {
   void prepare_whitening(const Hypothesis& nominal, const Fit& fit);
   /// Predicted measurements of a window (points * ny, lane 0 of 16) from the fit's start state.
   const double* predict(const Hypothesis& hypothesis, const Fit& fit, std::size_t index);
-  /// Whitened residuals (points * ny) of a window, into `out`.
+  /// Whitened residuals of a window, into `out`: (points * ny), and behind them those of the gauges.
   void residuals(const Hypothesis& hypothesis, const Fit& fit, std::size_t index, std::vector<double>& out);
   /// Makes ready for force_response() in a window: the system linearised along the fit's path, for forces at `joint`.
   bool open_response(const Hypothesis& hypothesis, const Fit& fit, std::size_t index, std::uint32_t joint);
@@ -87,7 +88,7 @@ class Shooting {
   std::size_t values(std::size_t index) const { return whitening_.values(index); }
   /// On the heap, for `windows` windows of up to `points` points: taken by the constructor, fixed from then on.
   static std::size_t bytes_for(const tiller_config_t& config, std::size_t windows, std::size_t points,
-                               unsigned threads = 1);
+                               std::size_t gauges, unsigned threads = 1);
 
  private:
   static constexpr std::uint32_t kLanes = WindowRollout::kLanes;
@@ -95,8 +96,8 @@ class Shooting {
   /// Memory of one thread.
   struct Scratch {
     WindowRollout rollout;
-    std::vector<double> rows;     // (points * ny x lanes)
-    std::vector<double> columns;  // (points * ny + unseen x columns)
+    std::vector<double> rows;     // (points * rows x lanes)
+    std::vector<double> columns;  // (points * rows + unseen x columns)
   };
   /// work(scratch, n) for n = 0 .. count - 1, each with the memory of the thread that it falls to.
   template <class Work>
@@ -118,6 +119,13 @@ class Shooting {
                bool& current);
   bool solve(const Hypothesis& h, const std::vector<std::size_t>& which, const Fit& fit, double damping,
              std::vector<double>& step);
+  /// Row r of a window's measurements, which are followed by those of its gauges, less what is predicted.
+  double measured_less(const Window& w, std::size_t r, double predicted) const {
+    const std::size_t own = std::size_t{w.points} * ny_, gauges = rows_ - ny_;
+    if (r < own) return data_.measured[w.grid][w.start * ny_ + r] - predicted;
+    const double off = data_.gauged[w.grid][w.start * gauges + r - own] - predicted;
+    return data_.gauges.is_angle((r - own) % gauges) ? std::remainder(off, 6.283185307179586) : off;
+  }
   const double* residual_lanes(Scratch& scratch, std::size_t index);
   /// Sums of squares of the residuals of every lane, after states and params were filled.
   void lane_costs(Scratch& scratch, std::size_t index, const Fit& fit, double* cost);
@@ -139,6 +147,7 @@ class Shooting {
   const tiller_model_t& model_;
   const Scales& scales_;
   std::uint32_t nx_, ny_;
+  std::size_t rows_;  // of a point: measurements and gauges
   std::uint8_t measured_[TILLER_MAX_MEASUREMENTS];
   ThreadPool* threads_;
   const volatile int* stop_ = nullptr;
@@ -148,6 +157,7 @@ class Shooting {
   std::uint32_t stride_ = 0;  // columns of the last linearisation: start, parameters, residual
   // of the response: (points x nx x nx), (points x nx), (points), (nx x lanes), (lanes + 1) x lanes
   std::vector<double> response_a_, response_b_, response_position_, deviation_, products_;
+  std::vector<double> response_c_;  // (points x gauges x nx)
 };
 
 }  // namespace tiller::tools::gap

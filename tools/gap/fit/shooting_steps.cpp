@@ -19,19 +19,18 @@ constexpr double kStateShare[4] = {1, 0.4, 0.1, 0};
 const double* Shooting::residual_lanes(Scratch& scratch, std::size_t index) {
   const Window& w = windows_[index];
   const double* predicted = scratch.rollout.run(w);
-  const double* measured = data_.measured[w.grid].data() + w.start * ny_;
   double* rows = scratch.rows.data();
-  const std::size_t m = std::size_t{w.points} * ny_;
+  const std::size_t m = w.points * rows_;
   for (std::size_t r = 0; r < m; ++r)
-    for (std::uint32_t l = 0; l < kLanes; ++l) rows[r * kLanes + l] = measured[r] - predicted[r * kLanes + l];
-  whitening_.apply(index, w, rows);
+    for (std::uint32_t l = 0; l < kLanes; ++l) rows[r * kLanes + l] = measured_less(w, r, predicted[r * kLanes + l]);
+  whitening_.apply(index, w, data_.grids[w.grid].period_s, rows);
   return rows;
 }
 
 void Shooting::lane_costs(Scratch& scratch, std::size_t index, const Fit& fit, double* cost) {
   std::fill_n(cost, kLanes, 0.0);
   const double* rows = residual_lanes(scratch, index);
-  for (std::size_t r = 0; r < std::size_t{windows_[index].points} * ny_; ++r)
+  for (std::size_t r = 0; r < windows_[index].points * rows_; ++r)
     for (std::uint32_t l = 0; l < kLanes; ++l) cost[l] += rows[r * kLanes + l] * rows[r * kLanes + l];
   for (std::size_t i = 0; i < fit.unseen_sd.size(); ++i)
     for (std::uint32_t l = 0; l < kLanes && fit.unseen_sd[i] > 0; ++l) {
@@ -69,8 +68,7 @@ void Shooting::differentiate(Scratch& scratch, const Hypothesis& h, std::size_t 
   const Window& w = windows_[index];
   const std::uint32_t nf = params ? static_cast<std::uint32_t>(h.free.size()) : 0, starts = starts_of(h),
                       count = starts + nf;
-  const std::size_t m = std::size_t{w.points} * ny_;
-  const double* measured = data_.measured[w.grid].data() + w.start * ny_;
+  const std::size_t m = w.points * rows_;
   for (std::uint32_t first = 0; first < count; first += kLanes - 1) {
     double step[kLanes] = {};
     const std::uint32_t here = std::min(count - first, kLanes - 1);
@@ -94,10 +92,10 @@ void Shooting::differentiate(Scratch& scratch, const Hypothesis& h, std::size_t 
     const double* predicted = rollout.run(w);
     for (std::size_t r = 0; r < m; ++r) {
       const double* row = predicted + r * kLanes;
-      rows[r * kLanes] = measured[r] - row[0];
+      rows[r * kLanes] = measured_less(w, r, row[0]);
       for (std::uint32_t l = 1; l < kLanes; ++l) rows[r * kLanes + l] = step[l] != 0 ? (row[l] - row[0]) / step[l] : 0;
     }
-    whitening_.apply(index, w, rows);
+    whitening_.apply(index, w, data_.grids[w.grid].period_s, rows);
     for (std::size_t r = 0; r < m; ++r) {
       for (std::uint32_t c = 0; c < here; ++c) columns[r * stride_ + first + c] = rows[r * kLanes + c + 1];
       columns[r * stride_ + count] = rows[r * kLanes];

@@ -1,11 +1,13 @@
 #include "tools/gap/fit/window_rollout.hpp"
 
+#include <Eigen/LU>
+#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 
 #include "effects/effect_info.hpp"
 #include "effects/effect_roles.hpp"
-#include "rollout/measurement.hpp"
+#include "rollout/late_reading.hpp"
 #include "tools/gap/result/thresholds.hpp"
 
 namespace tiller::tools::gap {
@@ -19,8 +21,8 @@ WindowRollout::WindowRollout(const WindowData& data, const tiller_config_t& conf
   final_effect_states_.resize(effect_states_.size());
   final_states_.resize(states_.size());
   history_.resize(std::size_t{TILLER_MAX_DELAY_STEPS + 2} * TILLER_MAX_INPUTS);
-  trajectory_.resize((points + 1) * model_.state_count * kLanes);
-  predicted_.resize((points + 1) * config.measurement_count * kLanes);
+  path_.resize((kBefore + points + 1) * row());
+  predicted_.resize((points + 1) * (config.measurement_count + data.gauges.count()) * kLanes);
 }
 
 double WindowRollout::command(const Window& w, std::size_t point, std::size_t input) const {
@@ -86,6 +88,23 @@ void WindowRollout::delay_before(const EffectSlot& slot, double period_s, double
         late[l] += std::max(0.0, params_[setup.effects[e].param * kLanes + l] / period_s);
 }
 
+// What a supply may have given before its log began, where that begins in motion, beyond the first command's; null
+// where it is known.
+const double* WindowRollout::before_the_log(const Window& w, std::uint32_t state) const {
+  if (data_.begins_at_rest[w.grid]) return nullptr;
+  for (std::size_t i = 0; i < hypothesis_->unseen.size(); ++i)
+    if (hypothesis_->unseen[i] == state) return unseen_.data() + i * kLanes;
+  return nullptr;
+}
+
+// Whether an unseen state is of the log's start, and not of the window's.
+bool WindowRollout::is_of_the_log(std::uint32_t state) const {
+  const StepSetup& setup = hypothesis_->setup;
+  for (std::uint32_t e = 0; e < setup.effect_count; ++e)
+    if (has_role(setup.effects[e].kind, kLoad) && setup.effects[e].state == state) return true;
+  return false;
+}
+
 // The state at `start` of an effect that commands alone move, by all of them that count: a limiter that never catches
 // up remembers where it began, a lag or a supply forgets no sooner than it follows.
 void WindowRollout::follow_commands(const Window& w, const EffectSlot& slot, std::size_t start) {
@@ -112,6 +131,8 @@ void WindowRollout::follow_commands(const Window& w, const EffectSlot& slot, std
     for (std::size_t i = k; i < start; ++i) first += target(command(w, i, slot.port)) / static_cast<double>(start - k);
   }
   std::fill_n(out, kLanes, first);
+  if (const double* more = load && k == 0 ? before_the_log(w, slot.state) : nullptr)
+    for (std::uint32_t l = 0; l < kLanes; ++l) out[l] += more[l];
   for (; k < start; ++k)
     for (std::uint32_t l = 0; l < kLanes; ++l) {
       const double change = target(command_late(w, k, slot.port, late[l])) - out[l];
@@ -151,15 +172,92 @@ void WindowRollout::run_in(const Window& w) {
   effect_states_.swap(final_effect_states_);
 }
 
+// The states before the window that lead to its first one, as far back as its readings are late: each is the state
+// whose step ends in the one after it, by Newton's method. Where that leads nowhere (a collision cannot be undone), the
+// row is the one after it. The effects' own states are those of the window's start.
+void WindowRollout::trace_back(const Window& w) {
+  const tiller_config_t& config = hypothesis_->config;
+  const double period_s = data_.grids[w.grid].period_s;
+  double late_s = 0;
+  for (std::uint32_t i = 0; i < config.measurement_count; ++i)
+    for (std::uint32_t l = 0; l < kLanes; ++l)
+      late_s = std::max(late_s, late_by_s(config, config.measured_state[i], params_.data() + l, kLanes));
+  const auto back = std::min(kBefore, static_cast<std::size_t>(std::ceil(late_s / period_s)));
+  jacobian_.resize(row() * model_.state_count);
+  LineariseJob job;
+  job.setup = &hypothesis_->setup;
+  job.lanes = kLanes;
+  job.period_s = period_s;
+  job.params = {params_.data(), kLanes};
+  job.effect_state = {effect_states_.data(), kLanes};
+  job.next_state = final_states_.data();
+  job.next_effect_state = final_effect_states_.data();
+  job.a = jacobian_.data();
+  for (std::size_t r = 1; r <= back; ++r) {
+    double* const at = path_.data() + (kBefore - r) * row();
+    std::copy_n(at + row(), row(), at);
+    if (r > w.start) continue;  // where the log begins, the robot has stood
+    job.state = {at, kLanes};
+    job.control = {data_.controls[w.grid].data() + (w.start - r) * model_.input_count, 0};
+    job.history = history(w, w.start - r);
+    undo_step(job, at);
+  }
+}
+
+void WindowRollout::undo_step(const LineariseJob& job, double* at) {
+  constexpr int kCorrections = 3;
+  const std::uint32_t nx = model_.state_count;
+  const double* const next = at + row();
+  double distance[kLanes];
+  std::fill_n(distance, kLanes, HUGE_VAL);  // below 0: found, or given up
+  Eigen::MatrixXd a(nx, nx);
+  Eigen::VectorXd off(nx);
+  for (int k = 0; k < kCorrections; ++k) {
+    table_.linearise(model_, job);
+    for (std::uint32_t l = 0; l < kLanes; ++l) {
+      if (distance[l] < 0) continue;
+      double size = 1;
+      for (std::uint32_t i = 0; i < nx; ++i) {
+        size = std::max(size, std::fabs(next[i * kLanes + l]));
+        off(i) = job.next_state[i * kLanes + l] - next[i * kLanes + l];
+        for (std::uint32_t c = 0; c < nx; ++c) a(i, c) = jacobian_[(i * nx + c) * kLanes + l];
+      }
+      const double far = off.norm();
+      // a quaternion's length is nothing that a step keeps
+      const Eigen::VectorXd change = model_.quaternion_mask != 0
+                                         ? Eigen::VectorXd(a.completeOrthogonalDecomposition().solve(off))
+                                         : Eigen::VectorXd(a.partialPivLu().solve(off));
+      const bool found = far <= 1e-12 * size, nearer = far < distance[l] && change.allFinite();
+      for (std::uint32_t i = 0; i < nx && !found; ++i)
+        at[i * kLanes + l] = nearer ? at[i * kLanes + l] - change(i) : next[i * kLanes + l];
+      distance[l] = nearer && !found ? far : -1;
+    }
+  }
+}
+
 // What the sensors make of the states, lane by lane.
 void WindowRollout::read_sensors(const Window& w) {
-  const std::uint32_t ny = hypothesis_->config.measurement_count;
+  const tiller_config_t& config = hypothesis_->config;
+  const std::uint32_t ny = config.measurement_count;
+  const double period_s = data_.grids[w.grid].period_s;
+  if (hypothesis_->late) trace_back(w);
   for (std::size_t k = 0; k < w.points; ++k)
     for (std::uint32_t i = 0; i < ny; ++i)
-      for (std::uint32_t l = 0; l < kLanes; ++l) {
-        double& value = predicted_[(k * ny + i) * kLanes + l];
-        value = measured_value(hypothesis_->config, params_.data() + l, i, value, kLanes);
-      }
+      for (std::uint32_t l = 0; l < kLanes; ++l)
+        predicted_[(k * ny + i) * kLanes + l] =
+            reading_on_path(config, params_.data() + l, i, path_.data() + l, kBefore + k, period_s, kLanes);
+}
+
+void WindowRollout::read_gauges(const Window& w) {
+  const std::size_t count = data_.gauges.count(), first = w.points * hypothesis_->config.measurement_count;
+  const double period_s = data_.grids[w.grid].period_s;
+  for (std::size_t k = 0; k < w.points; ++k)
+    for (std::size_t g = 0; g < count; ++g)
+      for (std::uint32_t l = 0; l < kLanes; ++l)
+        predicted_[(first + k * count + g) * kLanes + l] =
+            k < data_.gauges.before(g)
+                ? NAN
+                : data_.gauges.reading(g, trajectory() + l, k, kLanes, params_.data() + l, kLanes, period_s);
 }
 
 const double* WindowRollout::effects_at_start(const Window& w) {
@@ -171,7 +269,7 @@ const double* WindowRollout::run(const Window& w) {
   const StepSetup& setup = hypothesis_->setup;
   effects_at_start(w);
   for (std::size_t i = 0; i < hypothesis_->unseen.size(); ++i)
-    for (std::uint32_t l = 0; l < kLanes; ++l)
+    for (std::uint32_t l = 0; l < kLanes && !is_of_the_log(hypothesis_->unseen[i]); ++l)
       effect_states_[hypothesis_->unseen[i] * kLanes + l] += unseen_[i * kLanes + l];
   const std::uint32_t nx = model_.state_count, ny = hypothesis_->config.measurement_count;
   RolloutJob<double> job;
@@ -184,20 +282,22 @@ const double* WindowRollout::run(const Window& w) {
   job.effect_state = {effect_states_.data(), kLanes};
   job.controls.data = data_.controls[w.grid].data() + w.start * model_.input_count;
   job.history = history(w, w.start);
-  job.trajectory = trajectory_.data();
+  job.trajectory = path_.data() + kBefore * row();
   table_.rollout_f64(model_, job);
   for (std::size_t k = 0; k < w.points; ++k)
     for (std::uint32_t i = 0; i < ny; ++i)
-      std::copy_n(trajectory_.data() + (k * nx + hypothesis_->config.measured_state[i]) * kLanes, kLanes,
+      std::copy_n(trajectory() + (k * nx + hypothesis_->config.measured_state[i]) * kLanes, kLanes,
                   predicted_.data() + (k * ny + i) * kLanes);
   if (hypothesis_->sensors) read_sensors(w);
+  read_gauges(w);
   return predicted_.data();
 }
 
-std::size_t WindowRollout::bytes_for(const tiller_config_t& config, std::size_t points) {
+std::size_t WindowRollout::bytes_for(const tiller_config_t& config, std::size_t points, std::size_t gauges) {
+  const std::size_t nx = config.model->state_count;
   const std::size_t lanes = 2 * std::size_t{TILLER_MAX_STATES} + TILLER_MAX_PARAMS + kMostUnseen +
                             2 * (TILLER_MAX_EFFECT_STATES + 1) +
-                            (points + 1) * (config.model->state_count + config.measurement_count);
+                            (points + 1) * (nx + config.measurement_count + gauges) + (kBefore + nx) * nx;
   return sizeof(double) * (lanes * kLanes + (TILLER_MAX_DELAY_STEPS + 2) * TILLER_MAX_INPUTS);
 }
 

@@ -164,6 +164,11 @@ WindowData make_window_data(std::vector<Grid> grids, const tiller_config_t& conf
   const tiller_model_t& model = *config.model;
   WindowData data;
   data.grids = std::move(grids);
+  // a log of the runtime's own has none of the sensors that [log] adds
+  std::vector<GridSensor> sensors;
+  for (const Grid& grid : data.grids)
+    if (sensors.empty()) sensors = grid.sensor;
+  data.gauges = Gauges(config, sensors);
   for (Grid& grid : data.grids) {
     const std::size_t n = grid.points();
     for (std::uint32_t i = 0; i < model.state_count; ++i)
@@ -174,6 +179,10 @@ WindowData make_window_data(std::vector<Grid> grids, const tiller_config_t& conf
       for (std::uint32_t i = 0; i < config.measurement_count; ++i)
         measured[k * config.measurement_count + i] = grid.state[config.measured_state[i]][k];
     }
+    std::vector<double> gauged(n * sensors.size(), NAN);
+    for (std::size_t k = 0; k < n; ++k)
+      for (std::size_t g = 0; g < grid.sensor.size(); ++g) gauged[k * sensors.size() + g] = grid.sensor[g].value[k];
+    data.gauged.push_back(std::move(gauged));
     std::vector<double> path(n * model.state_count, NAN);
     for (std::size_t k = 0; k < n; ++k) {
       double state[TILLER_MAX_STATES];

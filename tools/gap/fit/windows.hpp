@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "tools/logs/identify_data.hpp"
+#include "tools/gap/fit/gauges.hpp"
 
 namespace tiller::tools::gap {
 
@@ -25,6 +25,8 @@ struct WindowData {
   std::vector<Grid> grids;
   std::vector<std::vector<double>> controls;  ///< per grid (points x nu)
   std::vector<std::vector<double>> measured;  ///< per grid (points x ny)
+  Gauges gauges;                              ///< the logs' further sensors
+  std::vector<std::vector<double>> gauged;    ///< per grid (points x gauges)
   /// Per grid (points x nx): the state at each point as the measurements around it say; NaN where they do not.
   std::vector<std::vector<double>> path;
   std::vector<bool> begins_at_rest;                  ///< per grid: it is a log's beginning, and nothing moves there

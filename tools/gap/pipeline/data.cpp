@@ -169,6 +169,12 @@ bool load_logs(const RobotFile& robot, const std::vector<std::string>& paths, st
       count_at_limit(log, log.map, robot.config, i, at_limit[i]);
     read.push_back(std::move(log));
   }
+  for (std::size_t i = 0; i < robot.log.sensors.size(); ++i) {
+    const auto has = [&](const Log& log) { return i < log.sensor.size() && !log.sensor[i].empty(); };
+    if (!read.empty() && std::none_of(read.begin(), read.end(), has))
+      result.reasons.push_back(robot.path + ": log.sensors[" + std::to_string(i + 1) + "].column: no log has '" +
+                               robot.log.sensors[i].column + "'; name the logs' column, or leave the sensor out");
+  }
   for (std::string& note : drop_repeated(read)) result.notes.push_back(std::move(note));
   for (std::string& reason : shared_logs(logs, read)) result.reasons.push_back(std::move(reason));
   const UsedRows used = keep_telling_rows(read, robot.config, most_steps, evenly);

@@ -143,12 +143,13 @@ std::vector<bool> inputs_that_move(const tiller_config_t& config, const std::vec
   return moves;
 }
 
-void check_data_quality(const tiller_config_t& config, const std::vector<Grid>& grids, Result& result) {
+void check_data_quality(const tiller_config_t& config, const std::vector<Grid>& grids, const volatile int* stop,
+                        Result& result) {
   result.noise_ratio = 0;
   check_amount(grids, result);
   if (!result.reasons.empty()) return;
   const std::size_t before = result.reasons.size();
-  check_units(config, grids, paths_of(grids), result);
+  check_units(config, grids, paths_of(grids), stop, result);
   if (result.reasons.size() == before)  // a wrong unit makes the noise wrong too: said once
     for (std::uint32_t k = 0; k < config.measurement_count; ++k) check_channel(config, grids, k, result);
   check_inputs(config, grids, result);

@@ -15,7 +15,8 @@ namespace tiller::tools::gap {
 ///   units and signs (unit_check.hpp)
 ///
 /// Cost: 10 ms for 48 s at 100 Hz; a few times that where units are in doubt.
-void check_data_quality(const tiller_config_t& config, const std::vector<Grid>& grids, Result& result);
+void check_data_quality(const tiller_config_t& config, const std::vector<Grid>& grids, const volatile int* stop,
+                        Result& result);
 
 /// (nu) Whether an input changes in any of the logs: effects of one that does not cannot be told.
 std::vector<bool> inputs_that_move(const tiller_config_t& config, const std::vector<Grid>& grids);

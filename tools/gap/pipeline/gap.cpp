@@ -77,7 +77,7 @@ std::uint32_t fixed_parameter(const tiller_config_t& config, std::uint32_t effec
 
 // Everything of the catalogue at every place that it fits; where the robot file has it there, its other value.
 std::vector<EffectAt> candidates_of(const tiller_config_t& config, const Options& options,
-                                    const std::vector<bool>& moves) {
+                                    const std::vector<bool>& moves, std::size_t sensors) {
   if (!options.given.empty()) return options.given;
   std::vector<EffectAt> list;
   if (options.before) list = changeable_parameters(config);
@@ -88,6 +88,8 @@ std::vector<EffectAt> candidates_of(const tiller_config_t& config, const Options
       continue;
     for (const std::uint32_t port : places_of(*config.model, info)) {
       if (info.port == PortKind::sensor && !is_measured(config, port)) continue;
+      // all readings late together are the inputs late, and nobody could tell
+      if (has_role(kind, kLate) && sensors < 2) continue;
       if (!is_driven(*config.model, info, port, moves)) continue;
       const EffectAt e{kind, port};
       bool there = false;
@@ -134,6 +136,18 @@ void try_inputs_at_rows(Session& s, const Candidate& nominal, Result& result) {
                          format("%.2f", result.nominal_sigma * std::sqrt(fit.total() / nominal.fit.total())) +
                          " sigma if the logged inputs are what acted at the rows and changed in between, as measured "
                          "forces do: [log] input = \"mean\".");
+}
+
+// "The logs' further sensors count as the robot's own do: imu_x (cart_velocity_m_s, derivative 1)."
+std::string sensors_note(const std::vector<Grid>& grids) {
+  Words words;
+  for (const Grid& grid : grids) {
+    if (!words.empty()) break;
+    for (const GridSensor& sensor : grid.sensor)
+      words.push_back(sensor.is.column + " (" + sensor.is.of +
+                      (sensor.is.derivative > 0 ? ", derivative " + std::to_string(sensor.is.derivative) : "") + ")");
+  }
+  return "The logs' further sensors count as the robot's own do: " + join(words) + ".";
 }
 
 // Errors count in what the model of before leaves on its own logs: noise, and what is not known of the robot anyway.
@@ -228,6 +242,8 @@ Result find_gap_on(const tiller_config_t& as_told, const std::vector<std::string
   const ModelFit before = options.before ? in_units_of_before(*options.before) : ModelFit{};
   const std::size_t own = work.size(), all = own + hold_out.size();
   for (Grid& grid : hold_out) work.push_back(std::move(grid));
+  for (Grid& grid : work)
+    for (GridSensor& sensor : grid.sensor) sensor.is.sd *= result.before_sigma;
   const double scale = measure_time_scale(config, work);
   for (Grid& grid : work) grid.time_scale = scale;
   const Config fine = work.empty() ? config : with_fine_steps(config, work.front());
@@ -239,16 +255,18 @@ Result find_gap_on(const tiller_config_t& as_told, const std::vector<std::string
     s.windows.push_back(w);
   }
   index_windows(s);
-  check_data_quality(as_told, s.data.grids, result);
+  check_data_quality(as_told, s.data.grids, options.stop, result);
   if (!result.reasons.empty()) return result;
   result.fit_windows = result.decide_windows = s.work.size();
   result.test_windows = s.test.size();
   result.data_s = s.data.data_s;
   if (scale != 1) result.notes.push_back(scale_note(scale));
+  if (s.data.gauges.count() > 0) result.notes.push_back(sensors_note(s.data.grids));
   if (has_too_little(s, result)) return result;
   s.scales = measure_scales(s.data, s.windows, config, prior_centre(config).data());
   if (options.before) s.scales.before = &before;
-  s.candidates = candidates_of(config, options, inputs_that_move(config, s.data.grids));
+  s.candidates = candidates_of(config, options, inputs_that_move(config, s.data.grids),
+                               config.measurement_count + s.data.gauges.count());
   s.threads = std::make_unique<ThreadPool>(std::max(1u, options.threads));
   s.shooting = std::make_unique<Shooting>(s.data, s.windows, config, s.scales, s.threads.get());
   s.shooting->stop_at(options.stop);

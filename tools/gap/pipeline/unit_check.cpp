@@ -19,8 +19,9 @@ constexpr double kDifferenceHalfWidth_s = 0.04;  // of parabolas: 9 points at 10
 constexpr double kSuspicious = 0.3;      // share of the forces' square that is left: beyond it a unit may be wrong
 constexpr double kNearlyAll = 0.1;       // ... that a corrected unit may leave
 constexpr double kCorrectedShare = 0.1;  // ... of what is left without the correction
-constexpr int kPriorRounds = 3;          // of the search within the priors
-constexpr int kPriorPlaces = 5;          // of a parameter in each round
+constexpr std::size_t kMostUnitPoints = 2000;  // of machines of many joints, whose forces cost the most
+constexpr int kPriorRounds = 3;                // of the search within the priors
+constexpr int kPriorPlaces = 5;                // of a parameter in each round
 
 // A channel that may have been logged in another unit: what was read is `factor` times what it should have been.
 struct Suspect {
@@ -175,37 +176,61 @@ void range_of(const tiller_prior_t& prior, double& low, double& high) {
 
 // A search along one parameter after the other,
 // each round over a third of the range before.
-double least_unexplained(const tiller_config_t& config, const std::vector<Grid>& grids) {
+double least_unexplained(const tiller_config_t& config, const std::vector<Grid>& grids, const volatile int* stop,
+                         std::vector<double>* best) {
   std::vector<double> params = prior_centre(config);
   double least = unexplained(config, grids, params.data()), width = 1;
-  for (int round = 0; round < kPriorRounds; ++round, width /= 3)
+  const int rounds = config.model->joint_count <= kFewJoints ? kPriorRounds : 1;
+  for (int round = 0; round < rounds; ++round, width /= 3)
     for (std::uint32_t i = 0; i < config.param_count; ++i) {
       if (config.priors[i].kind == tiller_prior_fixed) continue;
       double low = 0, high = 0;
       range_of(config.priors[i], low, high);
       if (!std::isfinite(low) || !std::isfinite(high)) continue;
       const double middle = params[i];
-      for (int k = 0; k < kPriorPlaces; ++k) {
+      for (int k = 0; k < kPriorPlaces && !(stop && *stop); ++k) {
         std::vector<double> tried = params;
         tried[i] = std::clamp(middle + width * (high - low) * (k / (kPriorPlaces - 1.0) - 0.5), low, high);
         const double left = unexplained(config, grids, tried.data());
         if (left < least) least = left, params = tried;
       }
     }
+  if (best) *best = params;
   return least;
 }
 
-void check_units(const tiller_config_t& config, const std::vector<Grid>& grids, const std::string& paths,
-                 Result& result) {
+namespace {
+
+// The first points of each grid, `most` in all.
+std::vector<Grid> first_points(const std::vector<Grid>& grids, std::size_t most) {
+  std::size_t all = 0;
+  for (const Grid& grid : grids) all += grid.points();
+  if (all <= most) return grids;
+  std::vector<Grid> parts;
+  for (const Grid& grid : grids) parts.push_back(part_of(grid, 0, grid.points() * most / all));
+  return parts;
+}
+
+}  // namespace
+
+void check_units(const tiller_config_t& config, const std::vector<Grid>& all, const std::string& paths,
+                 const volatile int* stop, Result& result) {
+  const bool few = config.model->joint_count <= kFewJoints;
+  const std::vector<Grid> grids = few ? all : first_points(all, kMostUnitPoints);
   double as_read = unexplained(config, grids, prior_centre(config).data());
   if (!(as_read > kSuspicious)) return;
-  as_read = least_unexplained(config, grids);
+  std::vector<double> params;
+  as_read = least_unexplained(config, grids, stop, &params);
   if (!(as_read > kSuspicious)) return;
   const Suspect* best = nullptr;
   double least = as_read;
   const std::vector<Suspect> suspects = suspects_of(config);
   for (const Suspect& s : suspects) {
-    const double left = least_unexplained(config, corrected(grids, *config.model, s));
+    if (stop && *stop) return;
+    const std::vector<Grid> other = corrected(grids, *config.model, s);
+    // where each costs much, the parameters are fitted anew to what helps without that
+    double left = few ? least_unexplained(config, other, stop) : unexplained(config, other, params.data());
+    if (!few && left < as_read && left < least) left = std::min(left, least_unexplained(config, other, stop));
     if (!(left < least)) continue;
     least = left;
     best = &s;

@@ -250,6 +250,12 @@ Words parameters_off_prior(const Answer& a) {
   return texts;
 }
 
+// What is named has the rest of the model at these values: it may do the work of a parameter that it puts out of sight.
+void note_off_prior(const Answer& a, Result& result) {
+  if (const Words off = parameters_off_prior(a); !off.empty())
+    result.notes.push_back("Beside it: " + join(off, "; ") + ". Is that prior right?");
+}
+
 void say_leading(const Answer& a, Result& result) {
   const Explanation& x = result.ranking[result.leading];
   const Candidate& leading = a.found.entries[a.found.leading];
@@ -370,6 +376,7 @@ void say_nearest(const Answer& a, Result& result) {
                         ? "Partly explained by " + a.text(a.best()) + " (" + a.values() + "): " + a.from_to() +
                               (result.interrupted ? "" : " The rest is none of the known effects.")
                         : "No known effect explains the gap; the nearest is " + a.text(a.best()) + ": " + a.from_to();
+  if (partly) note_off_prior(a, result);
 }
 
 void say_named(const Answer& a, Result& result) {
@@ -381,8 +388,7 @@ void say_named(const Answer& a, Result& result) {
   result.verdict = Verdict::named;
   result.sentence = "Missing: " + a.text(a.best()) + " (" + a.values() + "). " + a.from_to();
   if (a.set.size() > 1) result.sentence += " The same by structure: " + join(a.texts(1), "; or ") + ".";
-  if (const Words off = parameters_off_prior(a); !off.empty())
-    result.notes.push_back("Beside it: " + join(off, "; ") + ". Is that prior right?");
+  note_off_prior(a, result);
 }
 
 // The best explanation is all but what the model of before says already.

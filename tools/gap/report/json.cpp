@@ -197,6 +197,10 @@ json overlays_json(const Result& result) {
 
 }  // namespace
 
+namespace {
+constexpr int kInterrupted = 130;  // as the command ends by Ctrl-C
+}
+
 int exit_code_of(const Result& result, double budget_sigma) {
   if (result.verdict == Verdict::unfit) return 3;
   // a parameter off its prior is told whatever the gap: the model fits by it
@@ -223,7 +227,7 @@ std::string gap_json(const RobotFile& robot, const Options& options, const Resul
                     {"version", kJsonVersion},
                     {"tiller", tiller_version()},
                     {"verdict", verdict_name(result.verdict)},
-                    {"exit_code", exit_code_of(result, options.budget_sigma)},
+                    {"exit_code", result.interrupted ? kInterrupted : exit_code_of(result, options.budget_sigma)},
                     {"interrupted", result.interrupted},
                     {"sentence", result.sentence},
                     {"notes", result.notes},

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 
 #include "effects/effect_info.hpp"
 #include "effects/effect_roles.hpp"
@@ -113,7 +114,7 @@ std::string effects_blocks(const RobotFile& robot, const Explanation& found, con
     for (int i = 0; i < info.param_count && param < found.params.size(); ++i, ++param) {
       const Estimate& e = found.params[param];
       double high = info.params[i].high;
-      if (has_role(effect.kind, kDelay))
+      if (has_role(effect.kind, kDelay | kLate))
         high = std::min(TILLER_MAX_DELAY_STEPS * robot.config.period_s,
                         e.mean + std::max(kDelayReach * e.sd, robot.config.period_s));
       text += std::string(info.params[i].name) + " = " + prior_text(e.mean, e.sd, info.params[i].low, high, false);
@@ -137,6 +138,31 @@ std::string with_filter(const std::string& text) {
 }
 
 }  // namespace
+
+std::string with_paths_from(const std::string& text, const std::string& from, const std::string& to) {
+  namespace fs = std::filesystem;
+  std::error_code none;
+  if (fs::equivalent(from, to, none)) return text;
+  std::vector<Replacement> changes;
+  const auto visit = [&](const auto& self, const toml::node& node) -> void {
+    if (const toml::table* table = node.as_table())
+      for (auto&& [key, value] : *table) self(self, value);
+    if (const toml::array* array = node.as_array())
+      for (const toml::node& value : *array) self(self, value);
+    const auto path = node.value<std::string>();
+    if (!node.is_string() || !path || path->empty() || fs::path(*path).is_absolute()) return;
+    if (!fs::is_regular_file(fs::path(from) / *path, none)) return;
+    const fs::path moved = fs::relative(fs::path(from) / *path, to, none);
+    const toml::source_region region = node.source();
+    if (!none && !moved.empty())
+      changes.push_back({offset_of(text, region.begin), offset_of(text, region.end), "\"" + moved.string() + "\""});
+  };
+  visit(visit, toml::parse(text));
+  std::sort(changes.begin(), changes.end(), [](const Replacement& a, const Replacement& b) { return a.from > b.from; });
+  std::string out = text;
+  for (const Replacement& change : changes) out.replace(change.from, change.to - change.from, change.text);
+  return out;
+}
 
 bool write_robot(const RobotFile& robot, const std::string& old_text, const Explanation& found,
                  const std::string& data_hash, std::string& text, std::string& error) {

@@ -160,12 +160,16 @@ double dispersion_of(Session& s, const Hypothesis& h, const Fit& fit) {
   std::vector<double> r;
   for (const std::size_t w : s.work) {
     s.shooting->residuals(h, fit, w, r);
-    const std::size_t points = r.size() / ny;
-    for (std::uint32_t i = 0; i < ny; ++i)
+    const std::size_t points = s.windows[w].points, gauges = s.data.gauges.count();
+    const auto add = [&](std::size_t first, std::size_t stride) {
       for (std::size_t k = 0; k < points; ++k) {
         count += 1;
-        for (std::size_t lag = 0; lag <= kLags && lag <= k; ++lag) at[lag] += r[k * ny + i] * r[(k - lag) * ny + i];
+        for (std::size_t lag = 0; lag <= kLags && lag <= k; ++lag)
+          at[lag] += r[first + k * stride] * r[first + (k - lag) * stride];
       }
+    };
+    for (std::uint32_t i = 0; i < ny; ++i) add(i, ny);
+    for (std::size_t g = 0; g < gauges; ++g) add(points * ny + g, gauges);
   }
   if (count == 0 || !(at[0] > 0)) return 1;
   // Bartlett's weights; negative correlation, which the fitted start states make, does not count

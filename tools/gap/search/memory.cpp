@@ -24,7 +24,7 @@ std::size_t prior_free(const tiller_config_t& config) {
 
 std::size_t data_bytes(const Session& s) {
   std::size_t numbers = 0;
-  for (const auto* part : {&s.data.controls, &s.data.measured, &s.data.path})
+  for (const auto* part : {&s.data.controls, &s.data.measured, &s.data.gauged, &s.data.path})
     for (const auto& grid : *part) numbers += grid.capacity();
   return numbers * kNumber + s.windows.capacity() * sizeof(Window);
 }
@@ -46,6 +46,7 @@ std::size_t localise_bytes(const Session& s) {
 
 // Rollouts of the windows kept for the proof, of the longest length, and what the page shows of them.
 std::size_t holdout_bytes(const Session& s) {
+  const std::size_t gauges = s.data.gauges.count();
   std::size_t points = 0, longest = 0;
   for (const std::size_t i : s.test) points += s.windows[i].points;
   double period_s = s.config.period_s / s.time_scale;
@@ -57,14 +58,15 @@ std::size_t holdout_bytes(const Session& s) {
   const auto shortest = static_cast<std::size_t>(std::max(8.0, kShortestHoldout_s / period_s));
   const std::size_t windows = points / shortest + 1, shown = 8 * longest;
   const std::size_t channels = 3 * std::size_t{s.config.measurement_count} + s.config.model->input_count + 1u;
-  return std::max(Shooting::bytes_for(s.config, windows, 2 * shortest),
-                  Shooting::bytes_for(s.config, points / longest + 1, longest)) +
+  return std::max(Shooting::bytes_for(s.config, windows, 2 * shortest, gauges),
+                  Shooting::bytes_for(s.config, points / longest + 1, longest, gauges)) +
          2 * set_bytes(s, windows) + windows * sizeof(Window) * 2 + 2 * shown * channels * kNumber;
 }
 
 }  // namespace
 
 std::size_t memory_bound(const Session& s) {
+  const std::size_t gauges = s.data.gauges.count();
   const std::size_t one = set_bytes(s, s.windows.size());
   // beside the sets that are kept: screens', one for each candidate, and what a fit works on
   const std::size_t sets = kMostSets + 2 * s.candidates.size() + 16;
@@ -75,13 +77,13 @@ std::size_t memory_bound(const Session& s) {
   const auto pieces = static_cast<std::size_t>(kWindow_s / kBrief_s) + 1;
   const std::size_t brief =
       prior_free(s.config) > kManyParams
-          ? Shooting::bytes_for(s.config, pieces * s.windows.size(), points / pieces + 8, s.threads->size()) +
+          ? Shooting::bytes_for(s.config, pieces * s.windows.size(), points / pieces + 8, gauges, s.threads->size()) +
                 pieces * s.windows.size() * (sizeof(Window) + 4 * kNumber)
           : 0;
   // a scan's path in lanes, steps of a search
-  const std::size_t work = brief + 2 * WindowRollout::bytes_for(s.config, points) + 8 * one;
-  return data_bytes(s) + Shooting::bytes_for(s.config, s.windows.size(), points, s.threads->size()) + sets * one +
-         told + work + std::max(localise_bytes(s), holdout_bytes(s));
+  const std::size_t work = brief + 2 * WindowRollout::bytes_for(s.config, points, gauges) + 8 * one;
+  return data_bytes(s) + Shooting::bytes_for(s.config, s.windows.size(), points, gauges, s.threads->size()) +
+         sets * one + told + work + std::max(localise_bytes(s), holdout_bytes(s));
 }
 
 }  // namespace tiller::tools::gap

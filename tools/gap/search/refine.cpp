@@ -16,7 +16,7 @@ std::vector<double> other_shapes(const Session& s, const EffectAt& e, int param,
   const EffectParam& p = info_of(e.kind).params[param];
   if (p.scale == Scale::spatial_period) return {0.5 * now, 2 * now};
   // a delay's slope changes at every whole period
-  if (has_role(e.kind, kDelay)) return {now - 0.6 * s.scales.period_s, now + 0.6 * s.scales.period_s};
+  if (has_role(e.kind, kDelay | kLate)) return {now - 0.6 * s.scales.period_s, now + 0.6 * s.scales.period_s};
   if (is_strength(p.scale) || p.scale == Scale::period || p.scale == Scale::input) return {};
   std::vector<double> values;
   values.reserve(static_cast<std::size_t>(p.start_count));
