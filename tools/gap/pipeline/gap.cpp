@@ -51,11 +51,12 @@ bool is_driven(const tiller_model_t& model, const EffectInfo& info, std::uint32_
 }
 
 // Where an effect of one kind is looked for: at every port that it fits, and at all inputs at once, as of one bus, one
-// supply or one drive's firmware, if its parameters mean the same at all of them.
+// supply or one drive's firmware, if its parameters mean the same at all of them. A rotor and its spring or play are each
+// drive's own.
 std::vector<std::uint32_t> places_of(const tiller_model_t& model, const EffectInfo& info) {
   std::vector<std::uint32_t> places;
   for_ports(info, TILLER_EVERY_PORT, model, [&](std::uint32_t port) { places.push_back(port); });
-  bool alike = info.port == PortKind::input && places.size() > 1;
+  bool alike = info.port == PortKind::input && !info.needs_drive && places.size() > 1;
   for (int i = 0; i < info.param_count; ++i)
     for (const std::uint32_t port : places)
       alike = alike && unit_of_effect(info, i, port, model) == unit_of_effect(info, i, places[0], model);
@@ -287,7 +288,7 @@ Result find_gap_on(const tiller_config_t& as_told, const std::vector<std::string
   // by parameters that stand far from their priors a force would be told in units of their mistake
   const std::size_t by = centre_of_own(s, found.entries[0]).empty() ? 0 : found.best;
   const Candidate& shown = options.before ? frozen : found.entries[by];
-  if (!s.stopped()) localise(config, s.data.grids, shown.fit.params.data(), options.seed, result);
+  localise(config, s.data.grids, shown.fit.params.data(), options.seed, result);
   s.progress("proof", 0);
   test_on_holdout(s, reference, found.entries[found.best], result);
   if (options.before) tell_changes(s, found, result);

@@ -251,9 +251,18 @@ Words parameters_off_prior(const Answer& a) {
 }
 
 // What is named has the rest of the model at these values: it may do the work of a parameter that it puts out of sight.
+// And a parameter of its own that a fit would take further is an estimate of nothing.
 void note_off_prior(const Answer& a, Result& result) {
   if (const Words off = parameters_off_prior(a); !off.empty())
     result.notes.push_back("Beside it: " + join(off, "; ") + ". Is that prior right?");
+  constexpr double kAtBound = 1e-6;  // of the bound
+  for (const FreeParam& free : a.best().hypothesis.free) {
+    if (free.index < a.best().hypothesis.own_params || !std::isfinite(free.high)) continue;
+    const Estimate& e = a.result.ranking.front().params[free.index];
+    if (e.mean >= free.high - kAtBound * std::fabs(free.high))
+      result.notes.push_back(e.name + " = " + format("%.4g", e.mean) + (e.unit.empty() ? "" : " " + e.unit) +
+                             " is the largest that a fit tries: it is no estimate, and something else may act.");
+  }
 }
 
 void say_leading(const Answer& a, Result& result) {
