@@ -70,7 +70,9 @@ class StepLine {
     if (next || share < last_share_) step_started_ = Clock::now();  // several bases are screened one after the other
     last_ = step;
     last_share_ = share;
-    if (!terminal_ && !next) return;
+    constexpr double kTold_s = 30;  // of a log of a build server: it goes on, and how far it is
+    if (!terminal_ && !next && since_s(told_) < kTold_s) return;
+    told_ = Clock::now();
     const std::string text = step + times(share);
     if (terminal_) {
       std::string bar(20, '.');
@@ -78,7 +80,7 @@ class StepLine {
       std::fprintf(stderr, "\r\033[K[%s] %s", bar.c_str(), text.c_str());
       std::fflush(stderr);
     } else {
-      std::fprintf(stderr, "gap: %s\n", text.c_str());
+      std::fprintf(stderr, "gap: %s%s\n", text.c_str(), next ? "" : format(" (%.0f %%)", 100 * share).c_str());
     }
   }
   void clear() {
@@ -97,7 +99,7 @@ class StepLine {
   }
 
   bool terminal_;
-  Clock::time_point started_, step_started_;
+  Clock::time_point started_, step_started_, told_;
   double last_share_ = 0;
   std::string last_;
 };
