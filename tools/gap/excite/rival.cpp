@@ -249,6 +249,8 @@ bool contains(const Rival& large, const Rival& small) {
 
 namespace {
 
+constexpr double kStiffest_sd = 2;  // of a stiffness's estimate
+
 /// An explanation of a gap.json as a rival: its effects, and its estimates of every parameter.
 bool rival_of(const RobotFile& robot, const nlohmann::json& explanation, Rival& r, std::string& error) {
   Words parts;
@@ -271,7 +273,10 @@ bool rival_of(const RobotFile& robot, const nlohmann::json& explanation, Rival& 
       r.spread[i] = std::max(std::fabs(p.at("mean").get<double>()), 1e-9);
       r.config.priors[i] = {tiller_prior_fixed, 0, p.at("mean").get<double>(), 0, 0, 0};
     }
-    r.value[i] = std::clamp(p.at("mean").get<double>(), r.low[i], r.high[i]);
+    // the stiffest spring that the report leaves possible: what tells a softer one from a rigid joint is a promise less
+    const double sd = p.value("sd", nlohmann::json()).is_number() ? p.at("sd").get<double>() : 0.0;
+    const double stiffer = r.stiff[i] ? kStiffest_sd * sd : 0.0;
+    r.value[i] = std::clamp(p.at("mean").get<double>() + stiffer, r.low[i], r.high[i]);
     r.given[i] = true;
     if (i >= robot.names.params.size() && r.config.priors[i].kind == tiller_prior_fixed)
       r.config.priors[i].a = r.config.priors[i].low = r.config.priors[i].high = r.value[i];
