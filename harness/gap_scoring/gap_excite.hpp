@@ -12,7 +12,8 @@ namespace tiller::bench {
 struct ExciteRow {
   std::string id;
   /// "kept": the promise was kept; "short": a rival promised to go is still there; "lost": the truth is no longer in the
-  /// set; "no_promise": nothing separates these; "too_long": promised after more than kMostPlayed sequences; "clear": the world is not ambiguous; "no_world".
+  /// set; "no_promise": nothing separates these; "too_long": promised after more than kMostPlayed sequences; "clear": the
+  /// world is not ambiguous; "no_world".
   std::string outcome = "no_world", multisine_outcome;
   std::string truth, before, after, multisine_after;  ///< sets, as in GapRow
   double record_s = 0;                                ///< as promised

@@ -6,8 +6,8 @@
 namespace tiller {
 
 /// One reading comes late: a camera beside encoders, a filtered rate beside a position. Follows the state back by its
-/// rate and acceleration, x(t - d) = x - d x' + d^2 x'' / 2, which errs by d^3 / 6 times the third derivative. Who holds
-/// the whole motion (fits on logs, simulators) reads it at the time of a delay ago instead (late_by_s).
+/// rate and acceleration, x(t - d) = x - d x' + d^2 x'' / 2, which errs by d^3 / 6 times the third derivative. Who
+/// holds the whole motion (fits on logs, simulators) reads it at the time of a delay ago instead (late_by_s).
 template <class S>
 struct SensorDelay {
   static constexpr Hook hook = Hook::sensor;

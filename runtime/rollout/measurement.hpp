@@ -13,8 +13,8 @@ namespace tiller {
 /// where the sensor's effects are straight.
 struct MeasurementMap {
   double gain = 1.0, offset = 0.0;
-  double rate_gain =
-      0.0;  // slope by the velocity of the state's joint, which a late reading has; in the offset already
+  /// Slope by the velocity of the state's joint, which a late reading has; what it makes of it is in the offset.
+  double rate_gain = 0.0;
   double of(double state) const { return gain * state + offset; }
 };
 
@@ -55,6 +55,12 @@ void add_sensor_effect(MeasurementMap& map, const SensorSight<double>& at, const
   if constexpr (Effect::hook == Hook::sensor) Effect::measure(map.gain, map.offset, at, params);
 }
 
+/// Whether an effect of a sensor stands at that state's.
+inline bool reads_state(const tiller_effect_t& effect, std::uint32_t state, const tiller_model_t& model) {
+  return effect.port == state ||
+         (effect.port == TILLER_EVERY_PORT && port_fits(effect_info(effect.kind), state, model));
+}
+
 /// Whether any effect is a sensor's: without one every map is the identity.
 inline bool has_sensor_effects(const tiller_config_t& config) {
   for (std::uint32_t e = 0; e < config.effect_count; ++e)
@@ -73,11 +79,10 @@ inline MeasurementMap measurement_map(const tiller_config_t& config, std::uint32
   for (std::uint32_t e = 0; e < config.effect_count; ++e) {
     const tiller_effect_t& effect = config.effects[e];
     const EffectInfo& info = effect_info(effect.kind);
-    if (info.port == PortKind::sensor &&
-        (effect.port == state || (effect.port == TILLER_EVERY_PORT && port_fits(info, state, *config.model)))) {
+    if (info.port == PortKind::sensor && reads_state(effect, state, *config.model)) {
       double own[kMaxEffectParams] = {};
       for (int i = 0; i < info.param_count; ++i) own[i] = params[(row + static_cast<std::size_t>(i)) * stride];
-      if (has_role(effect.kind, kLate)) late += own[0];
+      if (has_role(effect.kind, kLate)) late += std::fmax(0.0, own[0]);
       switch (effect.kind) {
 #define TILLER_EFFECT(name, Type, ...)             \
   case tiller_effect_##name:                       \
@@ -106,12 +111,10 @@ inline double late_by_s(const tiller_config_t& config, std::uint32_t state, cons
   double late = 0.0;
   std::size_t row = config.model->param_count;
   for (std::uint32_t e = 0; e < config.effect_count; ++e) {
-    const EffectInfo& info = effect_info(config.effects[e].kind);
-    const std::uint32_t port = config.effects[e].port;
-    if (has_role(config.effects[e].kind, kLate) &&
-        (port == state || (port == TILLER_EVERY_PORT && port_fits(info, state, *config.model))))
+    const tiller_effect_t& effect = config.effects[e];
+    if (has_role(effect.kind, kLate) && reads_state(effect, state, *config.model))
       late += std::fmax(0.0, params[row * stride]);
-    row += static_cast<std::size_t>(info.param_count);
+    row += static_cast<std::size_t>(effect_info(effect.kind).param_count);
   }
   return late;
 }
@@ -123,7 +126,8 @@ inline bool has_late_readings(const tiller_config_t& config) {
   return false;
 }
 
-/// The state that would give this measurement at rest, by Newton's method: one step where the sensor's effects are straight.
+/// The state that would give this measurement at rest, by Newton's method: one step where the sensor's effects are
+/// straight.
 inline double state_of_measured(const tiller_config_t& config, const double* params, std::uint32_t state,
                                 double measured) {
   double x = measured;

@@ -240,7 +240,8 @@ TEST(EncoderEccentricity, ShowsAWaveOverTheTurn) {
   EXPECT_NEAR(clean, 0.11, 1e-12);
 }
 
-// On top of the latency that all sensors have, and of nothing but this one: a cart-pole's cart on its way, and its pole.
+// On top of the latency that all sensors have, and of nothing but this one: a cart-pole's cart on its way, and its
+// pole.
 TEST(SensorDelay, ShowsOneSensorOfBefore) {
   PlantOptions o;
   o.kind = "cart_pole";

@@ -7,8 +7,8 @@
 
 namespace tiller::tools {
 
-/// The last states of one plant, a row a period, for readings that come late. Where a reading is later than the rows
-/// reach, it shows the oldest of them.
+/// The last states of one plant, a row a period, for readings that come late: by TILLER_MAX_DELAY_STEPS periods at most,
+/// as the configuration's check says. Before the first step the plant has stood at its start.
 class PlantPath {
  public:
   void begin(const tiller_config_t& config, const double* state) {

@@ -121,13 +121,6 @@ std::vector<double> on_grid(const Log& log, const std::vector<double>& values, d
   return out;
 }
 
-// Whether the sensor reads an angle, which goes the short way round between its samples.
-bool is_angle(const tiller_model_t& model, const LogSensor& sensor) {
-  for (std::uint32_t i = 0; i < model.state_count; ++i)
-    if (sensor.derivative == 0 && sensor.of == model.state_names[i]) return (model.angle_mask >> i & 1u) != 0;
-  return false;
-}
-
 Grid make_grid(const Log& log, const Rates& rates, bool hold, const tiller_config_t& config, const Segment& segment) {
   const tiller_model_t& model = *config.model;
   Grid grid;
@@ -143,7 +136,7 @@ Grid make_grid(const Log& log, const Rates& rates, bool hold, const tiller_confi
   for (std::size_t i = 0; i < log.sensor.size(); ++i)
     grid.sensor.push_back(
         {log.map.sensors[i], on_grid(log, log.sensor[i], median_step_s(log, log.sensor[i]),
-                                     is_angle(model, log.map.sensors[i]), segment, config.period_s, points)});
+                                     reads_angle(model, log.map.sensors[i]), segment, config.period_s, points)});
   grid.input.resize(model.input_count);
   for (std::uint32_t i = 0; i < model.input_count; ++i)
     for (std::size_t p = 0; p < points; ++p) {

@@ -57,6 +57,12 @@ bool joints_tell_rate(const tiller_model_t& model, const std::string& of) {
   return all;
 }
 
+bool reads_angle(const tiller_model_t& model, const LogSensor& sensor) {
+  for (std::uint32_t i = 0; i < model.state_count; ++i)
+    if (sensor.derivative == 0 && sensor.of == model.state_names[i]) return (model.angle_mask >> i & 1u) != 0;
+  return false;
+}
+
 double unit_factor(const std::string& unit) {
   for (const auto& known : kUnits)
     if (unit == known.name) return known.factor;

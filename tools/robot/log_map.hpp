@@ -43,6 +43,9 @@ struct LogMap {
 /// each state is a joint's position or velocity. Only then has the model a second derivative of it.
 bool joints_tell_rate(const tiller_model_t& model, const std::string& of);
 
+/// Whether the sensor reads an angle, of which whole turns do not count.
+bool reads_angle(const tiller_model_t& model, const LogSensor& sensor);
+
 /// Factor from `unit` to SI; 0 for a unit that is not known.
 double unit_factor(const std::string& unit);
 /// "s, ms, us, ...": for error messages.

@@ -76,7 +76,6 @@ void MeanInnovations::start(const std::vector<std::vector<double>>& params) {
   vectors_ = static_cast<std::uint32_t>(params.size());
   lanes_ = padded(vectors_ + nx);
   state_.assign(std::size_t{nx} * lanes_, 0.0);
-  next_ = state_;
   params_.assign(std::size_t{std::max(np, 1u)} * lanes_, 0.0);
   effect_.assign(std::size_t{setup_.effect_state_count + 1} * lanes_, 0.0);
   next_effect_ = effect_;
@@ -277,10 +276,6 @@ class Fit {
   const Outputs& outputs_;
   std::vector<std::size_t> free_;
 };
-
-}  // namespace
-
-namespace {
 
 Expansion descend(Fit& fit, const std::vector<double>& start, int steps) {
   Expansion best = fit.expand(start);

@@ -65,8 +65,8 @@ struct Refit {
   std::vector<double> params;  // (np)
   double squares = 0;          // D that remains; infinite where the filter diverges
 };
-/// Levenberg-Marquardt from `start` within the bounds, `steps` of it at most. A change costs (change / 3 spreads)^2, of a
-/// stiffness (change / 60 spreads)^2: a spring that nobody sees give is a rigid joint.
+/// Levenberg-Marquardt from `start` within the bounds, `steps` of it at most. A change costs (change / 3 spreads)^2,
+/// of a stiffness (change / 60 spreads)^2: a spring that nobody sees give is a rigid joint.
 Refit refit(const Rival& rival, MeanInnovations& filter, const InputSequence& sequence, const Outputs& outputs,
             const std::vector<double>& start, int steps);
 

@@ -131,7 +131,8 @@ double Shooting::position_between(const Window& w, const std::vector<double>& pa
 
 void Shooting::begin_response() {
   std::fill(deviation_.begin(), deviation_.end(), 0.0);
-  std::fill(scratch_[0].rows.begin(), scratch_[0].rows.end(), 0.0);
+  // the first point's, which no force has moved; those of gauges stand elsewhere
+  std::fill_n(scratch_[0].rows.begin(), rows_ > ny_ ? scratch_[0].rows.size() : std::size_t{ny_} * kLanes, 0.0);
 }
 
 void Shooting::step_response(std::size_t index, std::size_t k, const double* force) {

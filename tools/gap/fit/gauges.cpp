@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "rollout/measurement.hpp"
+
 namespace tiller::tools::gap {
 namespace {
 
@@ -10,12 +12,6 @@ int index_in(const char* const* names, std::uint32_t count, const std::string& n
   for (std::uint32_t i = 0; i < count; ++i)
     if (name == names[i]) return static_cast<int>(i);
   return -1;
-}
-
-const tiller_joint_t* joint_at(const tiller_model_t& model, std::uint32_t state) {
-  for (std::uint32_t j = 0; j < model.joint_count; ++j)
-    if (model.joints[j].position == state) return &model.joints[j];
-  return nullptr;
 }
 
 }  // namespace
@@ -30,13 +26,13 @@ Gauges::Gauges(const tiller_config_t& config, const std::vector<GridSensor>& sen
     gauge.through_joints = sensor.is.derivative > 0 && joints_tell_rate(*model_, sensor.is.of);
     gauge.differences = static_cast<std::size_t>(sensor.is.derivative) - (gauge.through_joints ? 1 : 0);
     gauge.sd = sensor.is.sd;
-    gauge.angle = !gauge.output && sensor.is.derivative == 0 && (model_->angle_mask >> gauge.index & 1u) != 0;
+    gauge.angle = reads_angle(*model_, sensor.is);
     gauges_.push_back(gauge);
   }
 }
 
 double Gauges::quantity(const Gauge& gauge, const double* state, const double* params) const {
-  if (!gauge.output) return state[gauge.through_joints ? joint_at(*model_, gauge.index)->velocity : gauge.index];
+  if (!gauge.output) return state[gauge.through_joints ? velocity_of(*model_, gauge.index) : gauge.index];
   double y[TILLER_MAX_OUTPUTS];
   if (!gauge.through_joints) {
     model_->outputs(state, params, y);
@@ -74,7 +70,7 @@ void Gauges::slope(std::size_t g, const double* state, const double* params, dou
   const Gauge& gauge = gauges_[g];
   std::fill_n(out, model_->state_count, 0.0);
   if (!gauge.output) {
-    out[gauge.through_joints ? joint_at(*model_, gauge.index)->velocity : gauge.index] = 1;
+    out[gauge.through_joints ? velocity_of(*model_, gauge.index) : gauge.index] = 1;
     return;
   }
   double x[TILLER_MAX_STATES];

@@ -202,6 +202,7 @@ constexpr int kInterrupted = 130;  // as the command ends by Ctrl-C
 }
 
 int exit_code_of(const Result& result, double budget_sigma) {
+  if (result.interrupted) return kInterrupted;
   if (result.verdict == Verdict::unfit) return 3;
   // a parameter off its prior is told whatever the gap: the model fits by it
   const double gap_sigma = result.before.logs.empty() ? result.nominal_sigma : result.frozen_sigma;
@@ -227,7 +228,7 @@ std::string gap_json(const RobotFile& robot, const Options& options, const Resul
                     {"version", kJsonVersion},
                     {"tiller", tiller_version()},
                     {"verdict", verdict_name(result.verdict)},
-                    {"exit_code", result.interrupted ? kInterrupted : exit_code_of(result, options.budget_sigma)},
+                    {"exit_code", exit_code_of(result, options.budget_sigma)},
                     {"interrupted", result.interrupted},
                     {"sentence", result.sentence},
                     {"notes", result.notes},

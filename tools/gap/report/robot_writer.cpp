@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <sstream>
+#include <string_view>
 
 #include "effects/effect_info.hpp"
 #include "effects/effect_roles.hpp"
@@ -141,23 +143,27 @@ std::string with_filter(const std::string& text) {
 
 std::string with_paths_from(const std::string& text, const std::string& from, const std::string& to) {
   namespace fs = std::filesystem;
+  const auto names_files = [](std::string_view key) {  // robot_schema.cpp: "relative to the robot file"
+    return key == "file" || key == "prior_file" || key == "key_file" || key == "reference" || key == "demonstration";
+  };
   std::error_code none;
   if (fs::equivalent(from, to, none)) return text;
   std::vector<Replacement> changes;
-  const auto visit = [&](const auto& self, const toml::node& node) -> void {
+  const auto visit = [&](const auto& self, const toml::node& node, bool is_file) -> void {
     if (const toml::table* table = node.as_table())
-      for (auto&& [key, value] : *table) self(self, value);
+      for (auto&& [key, value] : *table) self(self, value, names_files(key.str()));
     if (const toml::array* array = node.as_array())
-      for (const toml::node& value : *array) self(self, value);
+      for (const toml::node& value : *array) self(self, value, is_file);
     const auto path = node.value<std::string>();
-    if (!node.is_string() || !path || path->empty() || fs::path(*path).is_absolute()) return;
-    if (!fs::is_regular_file(fs::path(from) / *path, none)) return;
+    if (!is_file || !node.is_string() || path->empty() || fs::path(*path).is_absolute()) return;
     const fs::path moved = fs::relative(fs::path(from) / *path, to, none);
+    if (!fs::is_regular_file(fs::path(from) / *path, none) || moved.empty()) return;
     const toml::source_region region = node.source();
-    if (!none && !moved.empty())
-      changes.push_back({offset_of(text, region.begin), offset_of(text, region.end), "\"" + moved.string() + "\""});
+    std::ostringstream quoted;
+    quoted << toml::value<std::string>(moved.string());
+    changes.push_back({offset_of(text, region.begin), offset_of(text, region.end), quoted.str()});
   };
-  visit(visit, toml::parse(text));
+  visit(visit, toml::parse(text), false);
   std::sort(changes.begin(), changes.end(), [](const Replacement& a, const Replacement& b) { return a.from > b.from; });
   std::string out = text;
   for (const Replacement& change : changes) out.replace(change.from, change.to - change.from, change.text);

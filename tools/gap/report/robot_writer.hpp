@@ -19,8 +19,8 @@ inline double as_written(double value) { return std::fabs(value) < TILLER_SMALLE
 bool write_robot(const RobotFile& robot, const std::string& old_text, const Explanation& found,
                  const std::string& data_hash, std::string& text, std::string& error);
 
-/// The text of a robot file of folder `from` for one in `to`: what it names relative to its folder, and what is there (a
-/// model's source, a reference), is named from the other.
+/// The text of a robot file of folder `from` for one in `to`: the files that it names relative to its folder (a model's
+/// source, a reference), where they are there, are named from the other.
 std::string with_paths_from(const std::string& text, const std::string& from, const std::string& to);
 
 }  // namespace tiller::tools::gap
