@@ -299,6 +299,16 @@ Finding check_group(const tiller_config_t& c) {
   return field ? Finding{bad, field} : kGood;
 }
 
+/// What ends a probing, and who can be probed beside: a policy's sequence is one command that is repeated.
+Finding check_probe(const tiller_config_t& c) {
+  static constexpr auto fields = element_names<TILLER_MAX_PARAMS>("probe.until_sd");
+  constexpr tiller_status_t kBad = tiller_status_bad_planner;
+  for (std::uint32_t i = 0; c.probe.until_sd && i < c.param_count; ++i)
+    if (!is_scale_or_none(c.probe.until_sd[i])) return {kBad, fields[i]};
+  const bool policy = c.probe.weight > 0.0 && c.planner.kind == tiller_planner_policy;
+  return policy ? Finding{kBad, "probe.weight"} : kGood;
+}
+
 using Check = Finding (*)(const tiller_config_t&);
 
 /// In the order of the struct; whatever a check relies on stands before it.
@@ -319,6 +329,8 @@ constexpr Check kChecks[] = {
     check_group<FieldGroup::planner, tiller_status_bad_planner>,
     check_planner,
     check_policy,
+    check_group<FieldGroup::probe, tiller_status_bad_planner>,
+    check_probe,
     check_group<FieldGroup::cost, tiller_status_bad_cost>,
     check_cost,
     check_commands,

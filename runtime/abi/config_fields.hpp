@@ -41,7 +41,7 @@ constexpr FieldRange share() { return {TILLER_SMALLEST_SHARE, 1.0}; }
 enum class FieldKind : std::uint8_t { count, number, flag, choice, states, inputs };
 
 /// A part of the configuration whose settings config.def lists, called as in the robot file.
-enum class FieldGroup : std::uint8_t { model, body, recorder, noise, start, posterior, planner, cost, safety };
+enum class FieldGroup : std::uint8_t { model, body, recorder, noise, start, posterior, planner, probe, cost, safety };
 
 struct ConfigField {
   FieldGroup group;

@@ -30,6 +30,30 @@ bool hooks_match(const tiller_hooks_t* hooks) {
   return hooks == nullptr || (hooks->size == sizeof(tiller_hooks_t) && hooks->version == TILLER_CONFIG_VERSION);
 }
 
+/// An interval that is not empty, with `low` and `high` where the box says nothing; infinite ends are none.
+bool take_interval(const double* lows, const double* highs, std::uint32_t i, double& low, double& high) {
+  if (lows) low = lows[i];
+  if (highs) high = highs[i];
+  return low < high;  // false for a NaN
+}
+
+/// False where the box is empty, or its inputs are beyond the limits.
+bool take_box(const tiller_config_t& config, const tiller_box_t& box, tiller::ProbeBox& own) {
+  for (std::uint32_t i = 0; i < config.model->state_count; ++i) {
+    own.state_low[i] = config.cost.state_low[i];
+    own.state_high[i] = config.cost.state_high[i];
+    if (!take_interval(box.state_low, box.state_high, i, own.state_low[i], own.state_high[i])) return false;
+  }
+  for (std::uint32_t i = 0; i < config.model->input_count; ++i) {
+    const double low = own.input_low[i] = config.safety.input_low[i];
+    const double high = own.input_high[i] = config.safety.input_high[i];
+    if (low == high) continue;
+    if (!take_interval(box.input_low, box.input_high, i, own.input_low[i], own.input_high[i])) return false;
+    if (!(own.input_low[i] >= low && own.input_high[i] <= high)) return false;
+  }
+  return true;
+}
+
 }  // namespace
 
 extern "C" {
@@ -109,6 +133,18 @@ tiller_status_t tiller_set_reference(tiller_t* t, const double* states, const do
     return tiller_status_bad_cost;
   t->executive->set_reference(states, outputs, steps);
   return tiller_status_ok;
+}
+
+tiller_status_t tiller_calibrate(tiller_t* t, const tiller_box_t* box, uint32_t periods) {
+  if (t == nullptr || (box == nullptr && periods > 0)) return tiller_status_null_argument;
+  if (!(t->executive->config().probe.weight > 0.0)) return tiller_status_bad_planner;
+  tiller::ProbeBox own;
+  if (periods > 0) {
+    if (box->size != sizeof(tiller_box_t) || box->version != TILLER_CONFIG_VERSION)
+      return tiller_status_version_mismatch;
+    if (!take_box(t->executive->config(), *box, own)) return tiller_status_bad_limit;
+  }
+  return t->executive->calibrate(own, periods);
 }
 
 }  // extern "C"

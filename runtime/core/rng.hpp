@@ -87,6 +87,7 @@ enum RngPurpose : std::uint32_t {
   kRngMotion = 6,
   kRngScout = 7,
   kRngRollouts = 8,
+  kRngProbe = 9,
 };
 
 /// Streams of kRngPrior: a parameter's own by its place, and between them those of a draw as a whole. They do not go by

@@ -268,6 +268,7 @@ void Executive::step_motion(const Tick& tick) {
 
 void Executive::plan(Tick& tick) {
   tick.iterations = 0;
+  info_.probing = tiller_probing_none;
   if (moving()) {
     if (!was_moving_) enter_motion();
     const std::int64_t start_ns = clock_ns();
@@ -279,6 +280,7 @@ void Executive::plan(Tick& tick) {
     info_.plan_ns = clock_ns() - start_ns;
   }
   count_hold(tick);
+  if (was_moving_ && !moving()) probing_.end(info_);
   was_moving_ = moving();
   forced_iterations_ = kNotForced;
 }
@@ -290,6 +292,7 @@ void Executive::enter_motion() {
   prediction_.clear();
   divergence_.clear();
   steady_.clear();
+  probing_.begin(info_);
   unrenewed_plans_ = 0;
   task_tick_ = info_.ticks;
 }
@@ -298,6 +301,7 @@ void Executive::replan(Tick& tick) {
   const double ahead_s = static_cast<double>(elapsed_us(effective_at_us(tick), stamp_us_)) * 1e-6;
   const double bounded_s = std::min(ahead_s, kLongestLead_periods * config_.period_s);
   belief_.draw(*posterior_, timeline_, info_.ticks, stamp_us_, bounded_s);
+  if (probing_.calibrating()) task_tick_ = info_.ticks;  // the task begins behind it
 
   PlanRequest request;
   request.belief = &belief_.belief();
@@ -320,7 +324,7 @@ void Executive::replan(Tick& tick) {
 
   if (is_fault(result.status)) return fail_plan(tick, result.status);
   if (!all_finite(tick.wanted, config_.model->input_count)) return fail_plan(tick, tiller_status_plan_not_finite);
-  plan_.keep(tick.now_us, planner_table_->sequence(planner_), tick.wanted);
+  plan_.keep(tick.now_us, probe(tick, request, result, bounded_s), tick.wanted);
   prediction_.predict(belief_.belief(), *planner_table_, planner_, request.task_step);
   // for the next plan, which may be prepared: what stands still has that time. A hand is not held against
   if (info_.touched == 0) steady_.update(*posterior_, info_.param_mean, info_.state_mean);
@@ -340,6 +344,16 @@ void Executive::replan(Tick& tick) {
       forced_iterations_ != kNotForced && result.iterations < config_.planner.iterations && !planner_table_->converges;
   tick.note(cut_short ? tiller_status_iteration_capped : result.status);
   judge_plan(tick);
+}
+
+/// The sequence that goes out: the planner's, or one that finds out. Where the deadline cut the planner short there is
+/// no time for it, and a replay, which knows the iterations, sees that too.
+const float* Executive::probe(Tick& tick, const PlanRequest& request, const PlanResult& result, double ahead_s) {
+  const float* const sequence = planner_table_->sequence(planner_);
+  const bool cut = result.iterations < config_.planner.iterations && !planner_table_->converges;
+  if (!probing_.on() || cut || result.status != tiller_status_ok || info_.touched != 0) return sequence;
+  return probing_.choose(*posterior_, timeline_, {stamp_us_, ahead_s, belief_.lead_periods()}, request, sequence,
+                         tick.wanted, info_);
 }
 
 /// A good plan is followed unless something is in its way.

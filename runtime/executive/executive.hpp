@@ -12,6 +12,7 @@
 #include "executive/plan_memory.hpp"
 #include "executive/planning_belief.hpp"
 #include "executive/prediction.hpp"
+#include "executive/probing.hpp"
 #include "executive/recorder.hpp"
 #include "executive/steady_target.hpp"
 #include "planners/planner.hpp"
@@ -52,6 +53,8 @@ class Executive {
   void set_target(const double* target);
   void set_output_target(const double* target);
   void set_reference(const double* states, const double* outputs, std::uint32_t steps);
+  /// The box, checked by the caller. wrong_state in SAFE.
+  tiller_status_t calibrate(const ProbeBox& box, std::uint32_t periods);
 
   // executive.cpp
   tiller_status_t tick(std::int64_t now_us, const tiller_measurement_t* measurement, tiller_command_t& command);
@@ -120,6 +123,7 @@ class Executive {
   // plan
   void enter_motion();
   void replan(Tick& tick);
+  const float* probe(Tick& tick, const PlanRequest& request, const PlanResult& result, double ahead_s);
   void aim(PlanRequest& request) const;
   void judge_plan(Tick& tick);
   void continue_plan(Tick& tick);
@@ -155,6 +159,7 @@ class Executive {
   ContactTest contact_;
   PlanMemory plan_;
   Prediction prediction_;
+  Probing probing_;
   DemonstrationDivergence divergence_;
   CommandTimeline timeline_;
   MotionCheck motion_;

@@ -57,6 +57,8 @@ void keep_arrays(Arena& arena, tiller_config_t& c) {
   (void)keep(arena, c.priors, c.param_count);
   (void)keep(arena, c.cost.terms, c.cost.term_count);
   (void)keep(arena, c.safety.cones, c.safety.cone_count);
+  if (!(c.probe.weight > 0.0)) c.probe.until_sd = nullptr;
+  if (c.probe.until_sd != nullptr) (void)keep(arena, c.probe.until_sd, c.param_count);
   // the block is as large where one of these is left out: what that means is then written down
   const struct {
     const double*& array;
@@ -130,6 +132,8 @@ Executive* Executive::lay_out(Arena& arena, const tiller_config_t& config, const
   note("plan");
   self.prediction_.lay_out(arena, self.config_, self.belief_.planner_setup(), *self.table_);
   note("prediction");
+  self.probing_.lay_out(arena, self.config_, self.setup_, *self.table_);
+  note("probing");
   self.timeline_.lay_out(arena, config.model->input_count, command_window_us(self.config_, self.setup_));
   note("command timeline");
   self.motion_.lay_out(arena, self.config_, self.belief_.forces(), *self.table_);

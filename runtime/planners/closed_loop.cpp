@@ -70,7 +70,7 @@ bool sweep(PathPlan& p) {
 }
 
 /// The columns of the states, and those of the input before where the problem has them; effect states stay out.
-void copy_gains(const PathPlan& p, ClosedLoop& loop) {
+void copy_gains(const PathPlan& p, MotionLaw& loop) {
   for (std::size_t row = 0; row < std::size_t{p.horizon} * p.nu; ++row) {
     const double* from = p.factor.gain + row * p.n;
     float* to = loop.gain + row * loop.law.columns;
@@ -84,33 +84,59 @@ bool closes_loop(const tiller_config_t& config, const SamplingMethod& method) {
   return config.planner.closed_loop != 0 && !method.draw && planning_kind(config.planner) != tiller_planner_hybrid;
 }
 
+void lay_out_law(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
+                 MotionLaw& law) {
+  lay_out_path_plan(arena, config, setup, table, law.path, 1);
+  const PathPlan& p = law.path;
+  law.law.columns = p.nx + (p.rate ? p.nu : 0);
+  law.gain = arena.take<float>(std::size_t{p.horizon} * p.nu * law.law.columns);
+  for (std::uint32_t i = 0; i < p.nu; ++i) {
+    law.low[i] = lane_number(p.limits[i].low);
+    law.high[i] = lane_number(p.limits[i].high);
+    law.most_change[i] = lane_number(p.limits[i].step);
+  }
+  law.law.gain = law.gain;
+  law.law.low = law.low;
+  law.law.high = law.high;
+  law.law.most_change = law.most_change;
+  law.law.cones = p.cones.count > 0 ? &p.cones : nullptr;
+}
+
+void compute_law(MotionLaw& law, const PlanRequest& request, const Belief& belief, const float* sequence) {
+  PathPlan& p = law.path;
+  law.has_gain = false;
+  (void)take_goal(p, request);
+  (void)take_origin(p, request.origin);
+  take_command(p, request.last_command);
+  p.task_step = request.task_step;
+  p.has_path = false;  // the angles' turn is the belief's
+  (void)take_belief(p, &belief);
+  for (std::size_t i = 0; i < std::size_t{p.horizon} * p.nu; ++i) p.control[i] = static_cast<double>(sequence[i]);
+  std::memset(law.gain, 0, std::size_t{p.horizon} * p.nu * law.law.columns * sizeof(float));
+  if (!std::isfinite(roll_open(p))) return;
+  linearise_path(p);
+  quadratise_path(p);
+  clear_defects(p);
+  if (!sweep(p)) return;
+  copy_gains(p, law);
+  law.has_gain = true;
+}
+
 ClosedLoop* lay_out_closed_loop(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
                                 const RolloutTable& table, std::uint32_t slots, std::uint32_t chunk_lanes) {
   auto* placed = arena.take<ClosedLoop>(1);
   ClosedLoop nobody;
   ClosedLoop& loop = placed ? *placed : nobody;
-  lay_out_path_plan(arena, config, setup, table, loop.path, 1);
+  lay_out_law(arena, config, setup, table, loop);
   const PathPlan& p = loop.path;
-  loop.law.columns = p.nx + (p.rate ? p.nu : 0);
   loop.chunk_size = (std::size_t{p.horizon} + 1) * p.nx * chunk_lanes;
-  loop.gain = arena.take<float>(std::size_t{p.horizon} * p.nu * loop.law.columns);
   loop.state = arena.take<float>(p.nx);
   loop.params = arena.take<float>(p.np);
   loop.effects = arena.take<float>(p.ns);
   loop.references = arena.take<float>(slots * loop.chunk_size);
   loop.reference = arena.take<float>((std::size_t{p.horizon} + 1) * p.nx * kLanePadding);
   if (!placed || !arena.fits()) return nullptr;
-  for (std::uint32_t i = 0; i < p.nu; ++i) {
-    loop.low[i] = lane_number(p.limits[i].low);
-    loop.high[i] = lane_number(p.limits[i].high);
-    loop.most_change[i] = lane_number(p.limits[i].step);
-  }
   loop.law.from = config.planner.shared_steps > 0 ? config.planner.shared_steps : 1;
-  loop.law.gain = loop.gain;
-  loop.law.low = loop.low;
-  loop.law.high = loop.high;
-  loop.law.most_change = loop.most_change;
-  loop.law.cones = p.cones.count > 0 ? &p.cones : nullptr;
   reset_closed_loop(loop);
   return placed;
 }
@@ -139,24 +165,7 @@ void take_mean_hypothesis(Sampler& s) {
 
 void compute_gains(Sampler& s) {
   ClosedLoop& loop = *s.loop;
-  PathPlan& p = loop.path;
-  loop.has_gain = false;
-  (void)take_goal(p, *s.request);
-  (void)take_origin(p, s.request->origin);
-  take_command(p, s.request->last_command);
-  p.task_step = s.request->task_step;
-  const Belief mean = {1, loop.params, loop.state, loop.effects, nullptr};
-  p.has_path = false;  // the angles' turn is the belief's
-  (void)take_belief(p, &mean);
-  for (std::size_t i = 0; i < std::size_t{p.horizon} * p.nu; ++i) p.control[i] = static_cast<double>(s.sequence[i]);
-  std::memset(loop.gain, 0, std::size_t{p.horizon} * p.nu * loop.law.columns * sizeof(float));
-  if (!std::isfinite(roll_open(p))) return;
-  linearise_path(p);
-  quadratise_path(p);
-  clear_defects(p);
-  if (!sweep(p)) return;
-  copy_gains(p, loop);
-  loop.has_gain = true;
+  compute_law(loop, *s.request, {1, loop.params, loop.state, loop.effects, nullptr}, s.sequence);
 }
 
 void roll_reference(Sampler& s) {

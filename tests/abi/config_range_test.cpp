@@ -134,7 +134,12 @@ const char* not_finite(const tiller_info_t& info, bool planned) {
                 {"noise_sd", info.noise_sd, TILLER_MAX_STATES},
                 {"delay_weight", info.delay_weight, TILLER_MAX_HYPOTHESES},
                 {"forgetting_weight", info.forgetting_weight, TILLER_MAX_FORGETTING},
-                {"discrepancy_share", &info.discrepancy_share, 1}};
+                {"discrepancy_share", &info.discrepancy_share, 1},
+                {"probe_value", &info.probe_value, 1},
+                {"probe_cost", &info.probe_cost, 1},
+                {"probe_spent", &info.probe_spent, 1},
+                {"probe_allowed", &info.probe_allowed, 1},
+                {"probe_information", &info.probe_information, 1}};
   for (const auto& field : fields)
     for (int i = 0; i < field.count; ++i)
       if (!std::isfinite(field.at[i])) return field.name;

@@ -116,6 +116,7 @@ TEST(HeapTrap, NothingInALongLifeOfEveryPlanner) {
   for (std::uint32_t kind = 0; kind < tiller_planner_kind_count; ++kind) {
     tiller::Config config = rig::pendulum_config();
     config.planner.kind = kind;
+    config.probe.weight = kind == tiller_planner_policy ? 0.0 : 1.0;
     config.planner.rollouts = 16;
     config.planner.particles = 2;
     config.planner.horizon = 8;

@@ -5,6 +5,7 @@
 #include "tools/command/commands.hpp"
 #include "tools/open/robot_open.hpp"
 #include "tools/replay/replay.hpp"
+#include "tools/robot/calibration.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -12,6 +13,7 @@ namespace {
 struct Arguments {
   std::string robot, log, through = "file";
   ReplayOptions options;
+  double calibrate_s = 0;
   Overrides overrides;
 };
 
@@ -38,8 +40,12 @@ int replay_command(Arguments a) {
   put_log_first(a);
   const auto robot = read_robot(a);
   if (!robot || !apply_overrides(a.overrides, *robot)) return kExitBadInput;
-  RecordedRun run;
   std::string error;
+  if (a.calibrate_s > 0) {
+    robot->calibration.seconds = a.calibrate_s;
+    if (!allow_calibration(*robot, error)) return complain(error);
+  }
+  RecordedRun run;
   if (!read_recorded_run(a.log, *robot, run, error)) return complain(error);
   if (!run.note.empty()) std::printf("%s: %s\n", a.log.c_str(), run.note.c_str());
   ReplayOptions options = a.options;
@@ -77,6 +83,8 @@ void add_replay_command(CLI::App& app, int& exit_code) {
           "or ULog from elsewhere, whose inputs are compared")
       ->required();
   command->add_option("ROBOT", a->robot, "the robot file of that run; an MCAP carries it");
+  command->add_option("--calibrate", a->calibrate_s, "the seconds that `tiller run --calibrate` was given")
+      ->check(number_between(0.001, 1e6));
   command
       ->add_option("--tolerance", a->options.tolerance,
                    "largest difference of a command that counts as the same, in the input's unit (default: none, to "

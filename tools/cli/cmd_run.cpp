@@ -12,6 +12,7 @@
 #include "tools/open/substeps.hpp"
 #include "tools/refit/refit_by_simulator.hpp"
 #include "tools/refit/refit_prior.hpp"
+#include "tools/robot/calibration.hpp"
 #include "tools/robot/goals.hpp"
 #include "tools/robot/transport_names.hpp"
 #include "tools/run/arm_keys.hpp"
@@ -29,6 +30,7 @@ struct Arguments {
   std::uint32_t episodes = 1;
   bool sim = false, arm = false, lockstep = false, real_time = false, quiet = false;
   double seconds = 0;
+  double calibrate_s = 0;
   double wait_s = 10, alarm_log_s = RecorderOptions().alarm_log_s;
   double patience_s = TransportLinkOptions::kPatience_s;
   bool online = false;  // the particles learn within the episodes of a refitted prior
@@ -173,6 +175,7 @@ EpisodesOptions episodes_options(const Arguments& a, const std::vector<Goal>& go
   options.run.files.alarm_log = a.alarm_log_s > 0 ? alarm_log_of(a) : "";
   options.run.files.alarm_log_s = a.alarm_log_s;
   options.run.first_wait_s = a.wait_s;
+  options.run.calibrate = a.calibrate_s > 0;
   return options;
 }
 
@@ -240,9 +243,20 @@ bool prepare_refit(Arguments& a, RobotFile& robot) {
   return false;
 }
 
+/// The robot file's own length is that of [probe] calibrate_s.
+bool take_calibration(const Arguments& a, RobotFile& robot) {
+  if (!(a.calibrate_s > 0)) return true;
+  robot.calibration.seconds = a.calibrate_s;
+  std::string error;
+  if (allow_calibration(robot, error)) return true;
+  complain(error);
+  return false;
+}
+
 int run_command(Arguments& a) {
   auto robot = read_robot_or_complain(a.robot);
   if (!robot || !apply_overrides(a.overrides, *robot) || !prepare_refit(a, *robot)) return kExitBadInput;
+  if (!take_calibration(a, *robot)) return kExitBadInput;
   if (!a.quiet) tell_choices(*robot);
   bool told = !a.sim || robot->config.planner.deadline_us > 0;
   if (a.sim) told = predict_tick(a, *robot) || told;
@@ -366,6 +380,11 @@ void add_run_command(CLI::App& app, int& exit_code) {
       ->add_option("--seconds", a->seconds,
                    "end after this much robot time (default: at Ctrl-C); counts anew when a key or a message arms")
       ->check(number_between(0.001, 1e9));
+  command
+      ->add_option("--calibrate", a->calibrate_s,
+                   "first move for so many s for learning alone: the motion that tells most of the parameters, inside "
+                   "of [probe] box, planned anew in every tick; then the task (docs/theory/probing.md)")
+      ->check(number_between(0.001, 1e6));
   command->add_option("--wait", a->wait_s, "wall time in s to wait for the first measurement")
       ->check(number_between(0.001, 1e9));
   command->add_option(

@@ -9,6 +9,7 @@
 
 #include "tiller/config.hpp"
 #include "tools/logs/run_log.hpp"
+#include "tools/robot/calibration.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -18,7 +19,7 @@ struct FreeBlock {
 };
 
 /// Calls of the host on the controller before the tick, in their order. False: more than the record keeps.
-bool repeat_calls(tiller_t* controller, const RecordEntry& entry) {
+bool repeat_calls(const RobotFile& robot, tiller_t* controller, const RecordEntry& entry) {
   bool set_goal = false;
   for (std::uint32_t calls = entry.record.calls; calls != 0; calls >>= 4) {
     switch (calls & 15u) {
@@ -27,6 +28,7 @@ bool repeat_calls(tiller_t* controller, const RecordEntry& entry) {
       case tiller_call_stop: (void)tiller_stop(controller, static_cast<tiller_status_t>(entry.stop_status)); break;
       case tiller_call_reset: (void)tiller_reset(controller); break;
       case tiller_call_prepare: (void)tiller_prepare(controller); break;
+      case tiller_call_calibrate: (void)start_calibration(robot, controller); break;
       case tiller_call_goal:  // once for all: of several in a row the last one counts
         if (set_goal) break;
         if ((entry.goal & kGoalStates) != 0) (void)tiller_set_target(controller, entry.target);
@@ -136,7 +138,7 @@ bool replay_through_file(const RobotFile& robot, RecordedRun& run, const ReplayO
     const tiller_record_t& r = entry.record;
     if (options.real_time)
       std::this_thread::sleep_until(begin + std::chrono::microseconds(r.now_us - run.entries[0].record.now_us));
-    if (!repeat_calls(controller, entry)) ++result.lost_calls;
+    if (!repeat_calls(robot, controller, entry)) ++result.lost_calls;
     if (r.planner_iterations != kIterationsUnknown) (void)tiller_force_iterations(controller, r.planner_iterations);
     tiller_command_t command;
     (void)tiller_tick(controller, r.now_us, r.has_measurement ? &r.measurement : nullptr, &command);

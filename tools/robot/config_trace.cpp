@@ -71,6 +71,7 @@ Words trace_field(const RobotFile& robot, const std::string& field) {
   if (name == "safety.input_high") return {"limits", input, "high"};
   if (name == "safety.input_rate_per_s") return {"limits", input, "rate_per_s"};
   if (name == "safety.safe_command") return {"limits", input, "safe"};
+  if (name == "probe.until_sd") return {"probe", "until_sd", name_at(robot.names.params, i)};
   const std::string sensor = name_at(robot.names.measurements, i);
   if (name == "safety.measurement_low") return {"measurement", sensor, "low"};
   if (name == "safety.measurement_high") return {"measurement", sensor, "high"};

@@ -187,6 +187,7 @@ class OptionalArrays {
     add("hold_gain", s.hold_gain, gain_names(robot), 0.0);
     add("measurement_low", s.measurement_low, robot.names.measurements, -HUGE_VAL);
     add("measurement_high", s.measurement_high, robot.names.measurements, HUGE_VAL);
+    add("until_sd", robot.config.probe.until_sd, robot.names.params, HUGE_VAL);
     add("measurement_rate_per_s", s.measurement_rate_per_s, robot.names.measurements, HUGE_VAL);
   }
 
@@ -251,6 +252,13 @@ std::string arrays_text(const RobotFile& robot, const std::string& prefix) {
          outputs_text(robot, prefix);
 }
 
+Initialiser probe_part(const RobotFile& robot, const std::string& prefix) {
+  Initialiser part("    ");
+  write_settings(part, robot, "probe");
+  OptionalArrays(robot, prefix).point(part, "until_sd");
+  return part;
+}
+
 Initialiser cost_part(const RobotFile& robot, const std::string& prefix) {
   const tiller_cost_config_t& c = robot.config.cost;
   Initialiser part("    ");
@@ -308,6 +316,7 @@ std::string config_text(const RobotFile& robot, const std::string& prefix) {
   if (c.network) all.word("network", "&" + prefix + "_network");
   if (c.policy && c.planner.kind == tiller_planner_policy) all.word("policy", "&" + prefix + "_policy");
   all.group("planner", plain_part(robot, "planner"));
+  all.group("probe", probe_part(robot, prefix));
   all.group("cost", cost_part(robot, prefix));
   all.group("safety", safety_part(robot, prefix));
   return all.text();

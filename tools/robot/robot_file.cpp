@@ -78,10 +78,11 @@ void take_names(const tiller_model_t& model, RobotNames& names) {
 }
 
 void read_bound_sections(FileErrors& errors, const toml::table& root, RobotFile& robot) {
-  for (const char* name : {"body", "noise", "start", "posterior", "planner", "cost", "safety", "recorder"}) {
+  for (const char* name : {"body", "noise", "start", "posterior", "planner", "probe", "cost", "safety", "recorder"}) {
     SectionReader section(errors, name, name, section_table(errors, root, name));
     section.read_bound(robot.config, robot.names.states, robot.names.inputs);
     if (std::string(name) == "safety") read_hold_gain(section, robot);
+    if (std::string(name) == "probe") read_probe(section, robot);
     if (std::string(name) == "posterior") {
       choose_discrepancy(section, robot);
       read_forgetting(section, robot);

@@ -112,6 +112,13 @@ struct ConfigMemory {
   std::shared_ptr<const LoadedPolicy> policy;    ///< of `policy`
 };
 
+/// How a robot is moved for learning alone (`tiller run --calibrate`).
+struct CalibrationSection {
+  double seconds = 5.0;
+  std::vector<double> state_low, state_high;  ///< (nx) the box; -INFINITY, INFINITY where nothing is drawn
+  std::vector<double> input_low, input_high;  ///< (nu) likewise
+};
+
 /// A robot file, read, checked and complete: the controller's configuration, and what the host's programs need beside.
 struct RobotFile {
   std::string path, name;
@@ -123,6 +130,7 @@ struct RobotFile {
   TransportSection transport;
   RealtimeSection realtime;
   SimSection sim;
+  CalibrationSection calibration;
   LogMap log;
   FigureSection figure;
 };

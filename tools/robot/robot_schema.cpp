@@ -44,6 +44,8 @@ const std::vector<SectionSpec> kSections = {
     {"start", "[start]", "Expected state at the first measurement, and how sure that is."},
     {"posterior", "[posterior]", "Particles over the parameters that have a prior."},
     {"planner", "[planner]", "How commands are planned."},
+    {"probe", "[probe]",
+     "Plans that also find out what the task will need to know (docs/theory/probing.md). Off while weight is 0."},
     {"cost", "[cost]",
      "The task: (x-t)' Q (x-t) + u' R u + du' S du per step and (x-t)' Qf (x-t) at the end of the horizon; all "
      "diagonal, differences of angles wrapped. States and inputs that are not named weigh nothing. The other terms "
@@ -142,6 +144,14 @@ const std::vector<KeySpec> kOthers = {
     {"posterior", "forgetting", K::other, "per tick", "[1]", 0, 0, false, hand, nullptr,
      "shares of the old data that each tick keeps, largest first; [1, 0.97] follows parameters that change. transition: "
      "up to three side by side; filter, conjugate: one"},
+    {"probe", "until_sd", K::other, "SI", "none", TILLER_SMALLEST_SCALE, TILLER_LARGEST_SCALE, false, hand, nullptr,
+     "table: parameter name = deviation that is good enough; probing ends once all of these are reached. Left out: it "
+     "ends where nothing is to be gained"},
+    {"probe", "calibrate_s", K::number, "s", "5", 1e-3, 1e6, false, hand, nullptr,
+     "how long `tiller run --calibrate` moves for learning alone, before the task"},
+    {"probe", "box", K::other, "SI", "none", 0, 0, false, hand, nullptr,
+     "table: state or input = [low, high]; where a calibration may move. What is not named has the bounds of [cost] and "
+     "the limits"},
     {"posterior", "drift", K::other, "", "[]", 0, 0, false, hand, nullptr,
      "parameters that drift, by name, four at most and no sensor's: how fast is inferred. A gain that falls with the battery, "
      "a load that is filled; filter only"},

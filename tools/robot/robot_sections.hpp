@@ -24,6 +24,7 @@ void read_cones(FileErrors& errors, const toml::table& root, RobotFile& robot);
 void choose_discrepancy(SectionReader& posterior, RobotFile& robot);
 void read_forgetting(SectionReader& posterior, RobotFile& robot);
 void read_drift(SectionReader& posterior, RobotFile& robot);
+void read_probe(SectionReader& probe, RobotFile& robot);
 /// After the parameters and effects, whose priors it goes before.
 void read_prior_file(SectionReader& posterior, RobotFile& robot);
 /// Bounds, terms of the catalogue, trajectories and the own cost of [cost]; after the keys that are bound to fields.

@@ -6,7 +6,9 @@
 
 #include "tools/base/exit_codes.hpp"
 #include "tools/base/stop_flag.hpp"
+#include "tools/robot/calibration.hpp"
 #include "tools/run/arming.hpp"
+#include "tools/run/calibration.hpp"
 #include "tools/run/host_controller.hpp"
 #include "tools/run/progress.hpp"
 #include "tools/run/run_clock.hpp"
@@ -58,6 +60,7 @@ class Runner {
         task_(config_, options),
         files_(robot, options, link.truth(tick_.true_state), task_.goal_kinds()),
         progress_(robot, Progress::style_for_stdout(options.quiet), options.seconds, options.files.true_params),
+        calibration_(robot),
         clock_(config_.period_s, options.seconds) {
     if (files_.wanted()) config_.record_ticks = std::max(config_.record_ticks, 1u);
     if (options.keep_rows) result_.rows.begin(robot, expected_ticks(config_.period_s, options.seconds));
@@ -87,7 +90,8 @@ class Runner {
   bool begin(Sensed& sensed) {
     std::string error;
     RunStart start(robot_, link_, stop_, progress_);
-    const bool begun = host_.make(config_, error) && start.wait_for_first(options_.first_wait_s, sensed, error) &&
+    const bool ready = host_.make(config_, error) && calibrate(error);
+    const bool begun = ready && start.wait_for_first(options_.first_wait_s, sensed, error) &&
                        (!options_.await_start || start.wait_for_start(sensed, error));
     clock_.start(sensed.now_us);
     if (begun) return true;
@@ -95,6 +99,13 @@ class Runner {
     result_.exit_code = kExitBadInput;
     result_.interrupted = options_.await_start && stop_.flag() != 0;
     return false;
+  }
+
+  bool calibrate(std::string& error) {
+    if (!options_.calibrate) return true;
+    const tiller_status_t status = start_calibration(robot_, host_.get());
+    if (status != tiller_status_ok) error = robot_.path + ": --calibrate: " + tiller_status_text(status);
+    return status == tiller_status_ok;
   }
 
   bool is_over() const { return stop_.flag() != 0 || clock_.is_over(); }
@@ -144,6 +155,8 @@ class Runner {
     if (clock_.is_first_safe_tick()) announce(safe_text(tick_), true);
     tick_.alarm = tick_.info.adequacy == tiller_adequacy_inadequate && result_.inadequate_at_s < 0;
     if (tick_.alarm) tell_inadequate();
+    if (const std::string news = calibration_.of(tick_.info); !news.empty())
+      announce(format("at %.2f s: ", clock_.time_s()) + news, false);
     tell_log(log);
     if (const std::string news = link_.news(); !news.empty()) announce(news, true);
     task_.count(tick_);
@@ -234,6 +247,7 @@ class Runner {
   LoggedTick tick_;
   RunFiles files_;
   Progress progress_;
+  CalibrationNews calibration_;
   RunClock clock_;
   RunResult result_;
 };

@@ -32,6 +32,7 @@ struct RunOptions {
   /// the start's ([start] state, sd and the sensor's) for half a second: somebody puts the robot back.
   bool await_start = false;
   bool keep_rows = false;  ///< RunResult::rows
+  bool calibrate = false;  ///< moves for learning alone, as [probe] says, before the task
 };
 
 /// The result of a run.

@@ -26,6 +26,7 @@ struct Config : tiller_config_t {
   tiller_cost_term_t terms[TILLER_MAX_COST_TERMS] = {};          ///< cost.terms
   tiller_input_cone_t cones[TILLER_MAX_INPUT_CONES] = {};        ///< safety.cones
   double hold_gain[TILLER_MAX_INPUTS * TILLER_MAX_STATES] = {};  ///< safety.hold_gain, rows of the model's states
+  double until_sd[TILLER_MAX_PARAMS];                            ///< probe.until_sd: none
   double measurement_low[TILLER_MAX_MEASUREMENTS];               ///< safety.measurement_low: none
   double measurement_high[TILLER_MAX_MEASUREMENTS];              ///< safety.measurement_high: none
   double measurement_rate_per_s[TILLER_MAX_MEASUREMENTS];        ///< safety.measurement_rate_per_s: none
@@ -54,6 +55,7 @@ struct Config : tiller_config_t {
     cost.terms = terms;
     safety.cones = cones;
     safety.hold_gain = hold_gain;
+    probe.until_sd = until_sd;
     safety.measurement_low = measurement_low;
     safety.measurement_high = measurement_high;
     safety.measurement_rate_per_s = measurement_rate_per_s;
@@ -69,6 +71,7 @@ struct Config : tiller_config_t {
     std::fill(std::begin(bound_weight), std::end(bound_weight), 0.0);
     std::fill(std::begin(terms), std::end(terms), tiller_cost_term_t{});
     std::fill(std::begin(hold_gain), std::end(hold_gain), 0.0);
+    std::fill(std::begin(until_sd), std::end(until_sd), HUGE_VAL);
     std::fill(std::begin(measurement_low), std::end(measurement_low), -HUGE_VAL);
     std::fill(std::begin(measurement_high), std::end(measurement_high), HUGE_VAL);
     std::fill(std::begin(measurement_rate_per_s), std::end(measurement_rate_per_s), HUGE_VAL);
@@ -89,6 +92,7 @@ struct Config : tiller_config_t {
     copy(other.cost.terms, other.cost.term_count, terms);
     copy(other.safety.cones, other.safety.cone_count, cones);
     copy(other.safety.hold_gain, nu * nx, hold_gain);
+    copy(other.probe.until_sd, other.param_count, until_sd);
     copy(other.safety.measurement_low, other.measurement_count, measurement_low);
     copy(other.safety.measurement_high, other.measurement_count, measurement_high);
     copy(other.safety.measurement_rate_per_s, other.measurement_count, measurement_rate_per_s);
@@ -105,6 +109,7 @@ struct Config : tiller_config_t {
     copy(other.terms, TILLER_MAX_COST_TERMS, terms);
     copy(other.cones, TILLER_MAX_INPUT_CONES, cones);
     copy(other.hold_gain, TILLER_MAX_INPUTS * TILLER_MAX_STATES, hold_gain);
+    copy(other.until_sd, TILLER_MAX_PARAMS, until_sd);
     copy(other.measurement_low, TILLER_MAX_MEASUREMENTS, measurement_low);
     copy(other.measurement_high, TILLER_MAX_MEASUREMENTS, measurement_high);
     copy(other.measurement_rate_per_s, TILLER_MAX_MEASUREMENTS, measurement_rate_per_s);
@@ -116,6 +121,7 @@ struct Config : tiller_config_t {
     own(other.terms, cost.terms, terms);
     own(other.cones, safety.cones, cones);
     own(other.hold_gain, safety.hold_gain, hold_gain);
+    own(other.until_sd, probe.until_sd, until_sd);
     own(other.measurement_low, safety.measurement_low, measurement_low);
     own(other.measurement_high, safety.measurement_high, measurement_high);
     own(other.measurement_rate_per_s, safety.measurement_rate_per_s, measurement_rate_per_s);

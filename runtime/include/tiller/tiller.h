@@ -39,7 +39,7 @@ extern "C" {
 
 #define TILLER_VERSION_MAJOR 0
 #define TILLER_VERSION_MINOR 1
-#define TILLER_CONFIG_VERSION 16u
+#define TILLER_CONFIG_VERSION 17u
 #define TILLER_ALIGNMENT 64u /**< of the caller's block: one AVX-512 register, one cache line */
 #define TILLER_MAX_MEASUREMENTS TILLER_MAX_STATES
 
@@ -272,6 +272,19 @@ typedef struct tiller_planner_config {
                                     starts there; gradient planners always do */
   double exploration;     /**< MCTS: weight of the confidence bound, in shares of the costs' range, in [0, 1e6] */
 } tiller_planner_config_t;
+
+/** Probing: plans that spend on finding out what the task will need to know (dual control). Beside every plan the prober
+ *  looks for one that costs little more and tells the hypotheses apart before they want different inputs. It is sent in
+ *  the plan's place while what it is expected to save is more than what it costs. See docs/theory/probing.md. */
+typedef struct tiller_probe_config {
+  double weight;       /**< of the expected saving against the cost; 1: as the horizon shows it; 0: no probing; weights */
+  double budget;       /**< share of the task's cost that probing may add, in [0, 10] */
+  double risk;         /**< probability at which a probing plan may leave the bounds of states, in (0, 0.5] */
+  uint32_t hypotheses; /**< drawn from the posterior to judge by, 2..32; 0: those of the planner, 8 where it has fewer than 4 */
+  uint32_t rollouts;   /**< motions tried on each of them in a tick, a multiple of 32, 32..1024 */
+  const double* until_sd; /**< (param_count) probing ends once each parameter's deviation is below this; INFINITY: it has
+                               no say; scales; null: it ends where nothing is to be gained. Copied by tiller_init */
+} tiller_probe_config_t;
 
 #define TILLER_MAX_COST_TERMS 8
 #define TILLER_MAX_COST_TERM_STATES 4
@@ -530,6 +543,7 @@ typedef struct tiller_config {
   const tiller_network_t* network;       /**< of the effects `network` and `gaussian_process`; null: none */
   const tiller_policy_t* policy;         /**< of the planner `policy`; null: none */
   tiller_planner_config_t planner;
+  tiller_probe_config_t probe;
   tiller_cost_config_t cost;
   tiller_safety_config_t safety;
 } tiller_config_t;
@@ -610,6 +624,13 @@ typedef enum tiller_feature {
 /** The feature's name, e.g. "velocity_sign"; "unknown" for one that does not exist. */
 const char* tiller_feature_name(tiller_feature_t feature);
 
+/** What the command of a tick is for, beside the task. */
+typedef enum tiller_probing {
+  tiller_probing_none = 0,     /**< the plan as it would be without probing */
+  tiller_probing_plan = 1,     /**< a plan that also finds out */
+  tiller_probing_calibrate = 2 /**< the motion that tiller_calibrate asked for */
+} tiller_probing_t;
+
 /** The state of a controller after a tick. Counters never decrease and wrap at 2^64. */
 typedef struct tiller_info {
   uint64_t ticks;
@@ -663,6 +684,14 @@ typedef struct tiller_info {
   uint64_t slip_states;                /**< bit i: a slip of state i is estimated */
   double slip_mean[TILLER_MAX_STATES]; /**< of state i a second: what changes it beyond the model */
   double slip_sd[TILLER_MAX_STATES];
+  uint32_t probing;            /**< tiller_probing_t of this tick's command */
+  uint32_t calibration_left;   /**< periods of tiller_calibrate that are still to come */
+  uint64_t probed_ticks;       /**< whose command was of a probing plan */
+  double probe_value;          /**< what the last plan that was tried is expected to save, in units of the cost */
+  double probe_cost;           /**< and to add to the cost */
+  double probe_spent;          /**< of all probing since motion began, as it was expected */
+  double probe_allowed;        /**< what the budget has come to since then */
+  double probe_information;    /**< nats that the last calibrating or probing plan is expected to tell of the parameters */
 } tiller_info_t;
 
 /** Exact bytes that tiller_init needs; 0 if the configuration is not valid (tiller_config_check says why). */
@@ -702,6 +731,24 @@ tiller_status_t tiller_reset(tiller_t* t);
  *  linearise, factorise), so that the tick itself is short: Diehl's real-time iteration, split into preparation and
  *  feedback. Optional; call it after the command was sent. Planners without a preparation do nothing. */
 tiller_status_t tiller_prepare(tiller_t* t);
+
+/** Where a calibration may move: closed intervals. Of states it is kept with the probability of probe.risk, under the
+ *  posterior and the noise; of inputs always. */
+typedef struct tiller_box {
+  uint32_t size;            /**< sizeof(tiller_box_t) */
+  uint32_t version;         /**< TILLER_CONFIG_VERSION */
+  const double* state_low;  /**< (nx) values, -INFINITY for none; null: none, or the cost's bounds */
+  const double* state_high; /**< (nx) likewise */
+  const double* input_low;  /**< (nu) values; null: the limits */
+  const double* input_high; /**< (nu) likewise */
+} tiller_box_t;
+
+/** The next `periods` in which the robot moves are for learning: the motion that tells most of the parameters inside of
+ *  the box, planned anew in every tick, before the task begins (row 0 of a reference is due after it). It ends early
+ *  once probe.until_sd is reached, and with motion itself. Where no motion stays in the box, the planner's own plan is
+ *  sent. The box is copied; 0 periods end a calibration. bad_planner without a prober (probe.weight 0),
+ *  bad_limit for a box that is empty or outside of the limits, wrong_state in SAFE. */
+tiller_status_t tiller_calibrate(tiller_t* t, const tiller_box_t* box, uint32_t periods);
 
 /** One control period. `measurement` may be null (nothing new). Always fills *command.
  *  Returns the first reason why the command is not an unlimited fresh plan, else model_inadequate, else ok.
@@ -745,6 +792,7 @@ typedef enum tiller_call {
   tiller_call_reset = 4,
   tiller_call_prepare = 5,
   tiller_call_goal = 6, /**< tiller_set_target and its like; what the goal was, the caller keeps */
+  tiller_call_calibrate = 7, /**< likewise its box and periods */
   tiller_call_lost = 15 /**< more than eight calls before one tick: the rest were not kept */
 } tiller_call_t;
 

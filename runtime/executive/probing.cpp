@@ -1,0 +1,85 @@
+#include "executive/probing.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace tiller {
+
+void Probing::lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table) {
+  on_ = config.probe.weight > 0.0;
+  if (!on_) return;
+  config_ = config;
+  config_.planner.particles = Prober::hypotheses_of(config);
+  config_.planner.hypotheses = tiller_hypotheses_drawn;
+  config_.planner.predict_spread = 1;
+  until_sd_ = config.probe.until_sd;
+  // a plan's first command acts where its delay ends, and so do the hypotheses begin
+  belief_.lay_out(arena, config_, setup, table, true);
+  // the goal changes in the controller's own configuration
+  prober_.lay_out(arena, config, belief_.planner_setup(), table);
+}
+
+void Probing::begin(tiller_info_t& info) {
+  if (on_) prober_.reset();
+  info.probe_spent = info.probe_allowed = 0.0;
+}
+
+void Probing::end(tiller_info_t& info) {
+  left_ = info.calibration_left = 0;
+  info.probing = tiller_probing_none;
+}
+
+void Probing::calibrate(const ProbeBox& box, std::uint32_t periods) {
+  box_ = box;
+  left_ = periods;
+  prober_.reset();
+}
+
+/// Whether nothing is left that is wished to be known; without wishes, what plans gain decides.
+bool Probing::known(const tiller_info_t& info) const {
+  bool wishes = false;
+  for (std::uint32_t i = 0; until_sd_ && i < config_.param_count; ++i) {
+    if (!std::isfinite(until_sd_[i])) continue;
+    wishes = true;
+    if (info.param_sd[i] > until_sd_[i]) return false;
+  }
+  return wishes;
+}
+
+const float* Probing::choose(const Posterior& posterior, const CommandTimeline& timeline, const Moment& moment,
+                             const PlanRequest& request, const float* sequence, double* command,
+                             tiller_info_t& info) {
+  info.probing = tiller_probing_none;
+  info.probe_value = info.probe_cost = info.probe_information = 0.0;
+  if (known(info)) left_ = 0;
+  info.calibration_left = left_;
+  if (!on_ || (left_ == 0 && known(info))) return sequence;
+  const bool calibrates = left_ > 0;
+  // of the planner's stream: as many as it has are the same ones
+  belief_.draw(posterior, timeline, request.tick, moment.stamp_us, moment.ahead_s);
+  PlanRequest own = request;
+  own.belief = &belief_.belief();
+  own.task_step += belief_.lead_periods() - moment.lead_periods;  // these are brought forward over delays
+  ProbeTask task;
+  task.plan = &own;
+  task.sequence = sequence;
+  task.box = calibrates ? &box_ : nullptr;
+  task.budget = config_.probe.budget;
+  task.most_cost = info.probe_allowed - info.probe_spent;
+  const ProbeResult result = prober_.search(task);
+  info.probe_value = result.value;
+  info.probe_cost = result.cost;
+  info.probe_information = result.information;
+  if (calibrates) info.calibration_left = --left_;
+  if (result.probes) {
+    info.probing = calibrates ? tiller_probing_calibrate : tiller_probing_plan;
+    ++info.probed_ticks;
+    info.probe_spent += result.step_cost;
+    for (std::uint32_t i = 0; i < config_.model->input_count; ++i)
+      command[i] = static_cast<double>(prober_.sequence()[i]);
+  }
+  if (!calibrates) info.probe_allowed += config_.probe.budget * prober_.stage_cost(command, own.task_step);
+  return result.probes ? prober_.sequence() : sequence;
+}
+
+}  // namespace tiller

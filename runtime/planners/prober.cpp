@@ -1,0 +1,612 @@
+#include "planners/prober.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "planners/flush_to_zero.hpp"
+#include "rollout/attitude.hpp"
+#include "tiller/math.hpp"
+
+namespace tiller {
+namespace {
+
+constexpr float kWorst = 1e30f;  // of a motion that is not finite
+// A saving below this share of the plan's cost is within what sampled plans differ by from tick to tick.
+constexpr double kLeastSaving = 0.01;
+constexpr std::uint32_t kRest = 3;   // periods between two looks where there is nothing to gain
+constexpr double kFolds = 5.0;       // log2 from the widest to the finest of the samples
+constexpr double kRefined = 0.15;    // width of the second round, of the first
+constexpr double kLogistic = 1.702;  // 1 / (1 + exp(-1.702 z)) is the normal distribution to 0.01, with heavier tails
+
+/// Share of a normal variable that lies beyond a bound `z` deviations away.
+double beyond_bound(double z) { return z > 6.0 ? 0.0 : 1.0 / (1.0 + math::exp(kLogistic * std::fmax(z, -6.0))); }
+
+}  // namespace
+
+std::uint32_t Prober::hypotheses_of(const tiller_config_t& config) {
+  if (config.probe.hypotheses > 1) return config.probe.hypotheses;
+  return config.planner.particles < 4 ? 8 : std::min(config.planner.particles, kMostProbeHypotheses);
+}
+
+namespace {
+
+void shift_sequence(float* sequence, std::uint32_t horizon, std::uint32_t nu, std::uint64_t ticks) {
+  const std::uint32_t gone = static_cast<std::uint32_t>(std::min<std::uint64_t>(ticks, horizon - 1));
+  std::copy(sequence + std::size_t{gone} * nu, sequence + std::size_t{horizon} * nu, sequence);
+  for (std::uint32_t step = horizon - gone; step < horizon; ++step)
+    std::copy(sequence + std::size_t{step - 1} * nu, sequence + std::size_t{step} * nu,
+              sequence + std::size_t{step} * nu);
+}
+
+}  // namespace
+
+void Prober::lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table) {
+  config_ = &config;
+  setup_ = &setup;
+  table_ = &table;
+  nx_ = config.model->state_count;
+  nu_ = config.model->input_count;
+  np_ = param_rows(config, setup);
+  ns_ = setup.effect_state_count;
+  horizon_ = config.planner.horizon;
+  knots_ = std::min({config.planner.knots, horizon_, kMostKnots});
+  hypotheses_ = hypotheses_of(config);
+  const std::size_t m = hypotheses_, signals = ProbeSight::most_signals(config);
+  special_ = arena.take<float>(m * length());
+  best_ = arena.take<float>(length());
+  last_ = arena.take<float>(length());
+  wish_ = arena.take<double>(length());
+  margin_ = arena.take<double>(std::size_t{horizon_ + 1} * nx_);
+  state_ = arena.take<float>(m * nx_);
+  params_ = arena.take<float>(m * np_);
+  effects_ = arena.take<float>(m * ns_);
+  controls_ = arena.take<float>(length() * kBatch);
+  trajectory_ = arena.take<float>(std::size_t{horizon_ + 1} * nx_ * kBatch);
+  signal_ = arena.take<float>(m * horizon_ * signals * kBatch);
+  beyond_ = arena.take<float>(std::size_t{horizon_ + 1} * kBatch);
+  batch_cost_ = arena.take<float>(m * kBatch);
+  told_cost_ = arena.take<float>(std::size_t{kStages} * kBatch);
+  blind_ = arena.take<float>(length() * kBatch);
+  reference_ = arena.take<float>(m * (horizon_ + 1) * nx_);
+  apart_ = arena.take<float>(kStages * m * m * kBatch);
+  table_cost_ = arena.take<double>((m + 1) * m);
+  pad_ = (hypotheses_ + kLanePadding - 1) / kLanePadding * kLanePadding;
+  lane_state_ = arena.take<float>(std::size_t{nx_} * pad_);
+  lane_params_ = arena.take<float>(std::size_t{np_} * pad_);
+  lane_effects_ = arena.take<float>(std::size_t{ns_} * pad_);
+  lane_next_ = arena.take<float>(std::size_t{nx_} * pad_);
+  lay_out_law(arena, config, setup, table, law_);
+  gain_ = arena.take<float>(m * gains());
+  cost_terms_.cost_to_go =
+      config.cost.terminal == tiller_terminal_lqr ? arena.take<float>(std::size_t{nx_} * nx_) : nullptr;
+  if (special_ == nullptr || !arena.fits()) return;
+  (void)lay_out_cost(config, setup, table, nullptr, &cost_terms_);  // tiller_config_check has tried it
+  frame_.lay_out(config);
+  cones_ = make_input_cones(config.safety.cones, config.safety.cone_count);
+  reset();
+}
+
+void Prober::reset() {
+  has_last_ = has_best_ = sent_ = false;
+  usual_cost_ = 0.0;
+  searches_ = 0;
+  resting_ = 0;
+  reset_path_plan(law_.path);
+}
+
+// ---- before the rollouts ------------------------------------------------------------------------
+
+void Prober::take_belief(const PlanRequest& request) {
+  const Belief& belief = *request.belief;
+  const auto take = [&](const float* rows, std::uint32_t count, float* splats, float* lanes) {
+    for (std::uint32_t r = 0; r < count; ++r)
+      for (std::uint32_t j = 0; j < pad_; ++j) {
+        const float x = rows[r * belief.count + (j < hypotheses_ ? j : 0)];
+        lanes[r * pad_ + j] = x;
+        if (j < hypotheses_) splats[j * count + r] = x;
+      }
+  };
+  take(belief.state, nx_, state_, lane_state_);
+  take(belief.params, np_, params_, lane_params_);
+  take(belief.effect_state, ns_, effects_, lane_effects_);
+  align();
+}
+
+/// All hypotheses on the first one's turn of the angles, with its attitudes' signs: feedback takes plain differences.
+void Prober::align() {
+  const tiller_model_t& model = *config_->model;
+  const float* const first = state_;
+  for (std::uint32_t m = 0; m < hypotheses_; ++m) {
+    float* const x = state_ + std::size_t{m} * nx_;
+    for (std::uint32_t i = 0; i < nx_; ++i)
+      if ((model.angle_mask >> i) & 1u)
+        x[i] = static_cast<float>(static_cast<double>(first[i]) + state_difference(model, i, static_cast<double>(x[i]),
+                                                                                   static_cast<double>(first[i])));
+    for_quaternions(model.quaternion_mask, [&](std::uint32_t q) {
+      float along = 0.0f;
+      for (std::uint32_t i = q; i < q + 4; ++i) along += x[i] * first[i];
+      for (std::uint32_t i = q; along < 0.0f && i < q + 4; ++i) x[i] = -x[i];
+    });
+    for (std::uint32_t i = 0; i < nx_; ++i) lane_state_[i * pad_ + m] = x[i];
+  }
+}
+
+/// How each hypothesis moves under its own sequence, and feedback about that motion.
+void Prober::take_laws() {
+  for (std::uint32_t j = 0; j < hypotheses_; ++j) {
+    const std::size_t at = j;
+    const Belief alone = {1, params_ + at * np_, state_ + at * nx_, effects_ + at * ns_, nullptr};
+    compute_law(law_, *task_->plan, alone, special(j));
+    std::copy(law_.gain, law_.gain + gains(), gain_ + at * gains());
+    place_all(special(j));
+    float cost[kBatch];
+    roll(j, 1, cost, trajectory_);
+    float* const reference = reference_ + at * (horizon_ + 1) * nx_;
+    for (std::size_t row = 0; row < std::size_t{horizon_ + 1} * nx_; ++row) reference[row] = trajectory_[row * kBatch];
+  }
+}
+
+/// The law of who takes hypothesis j for true from a period on.
+RolloutFeedback<float> Prober::law_of(std::size_t j, std::uint32_t from) const {
+  RolloutFeedback<float> law = law_.law;
+  law.from = from;
+  law.gain = gain_ + j * gains();
+  law.reference = {reference_ + j * (horizon_ + 1) * nx_, 0};
+  return law;
+}
+
+/// The batch's inputs until a stage, then hypothesis m's own under its law, on m: the costs.
+void Prober::answer(std::uint32_t m, std::uint32_t stage, float* cost) {
+  const std::size_t until = std::size_t{stage_[stage]} * nu_;
+  std::copy(blind_, blind_ + until * kBatch, controls_);
+  const float* const own = special(m);
+  for (std::size_t at = until; at < length(); ++at)
+    std::fill(controls_ + at * kBatch, controls_ + (at + 1) * kBatch, own[at]);
+  const RolloutFeedback<float> law = law_of(m, stage_[stage]);
+  roll(m, kBatch, cost, nullptr, &law);
+}
+
+void Prober::set_stages() {
+  constexpr double kShare[kStages] = {0.04, 0.1, 0.25, 0.6};  // of the horizon
+  stages_ = calibrates_ ? 1 : kStages;
+  for (std::uint32_t a = 0; a < stages_; ++a) {
+    const auto periods = static_cast<std::uint32_t>(std::lround(kShare[a] * horizon_));
+    stage_[a] = calibrates_ ? horizon_ : std::max(periods, a > 0 ? stage_[a - 1] : 1u);
+  }
+}
+
+/// The sequences of the tick before, as many periods later as ticks went by.
+void Prober::follow_time(const ProbeTask& task) {
+  const std::uint64_t tick = task.plan->tick;
+  if (!has_last_ || tick < last_tick_) {
+    for (std::uint32_t m = 0; m < hypotheses_; ++m)
+      std::copy(task.sequence, task.sequence + length(), special_ + m * length());
+    has_best_ = false;
+  } else if (tick > last_tick_) {
+    for (std::uint32_t m = 0; m < hypotheses_; ++m)
+      shift_sequence(special_ + m * length(), horizon_, nu_, tick - last_tick_);
+    if (has_best_) shift_sequence(best_, horizon_, nu_, tick - last_tick_);
+  }
+  last_tick_ = tick;
+  has_last_ = true;
+}
+
+void Prober::take_limits(const ProbeTask& task) {
+  for (std::uint32_t i = 0; i < nu_; ++i) {
+    InputLimit& limit = limits_[i];
+    limit.low = task.box ? task.box->input_low[i] : config_->safety.input_low[i];
+    limit.high = task.box ? task.box->input_high[i] : config_->safety.input_high[i];
+    limit.step = config_->safety.input_rate_per_s[i] * config_->period_s;
+  }
+  admit_commands(limits_, cones_, nu_, task.plan->last_command, config_->safety.safe_command, start_);
+  for (std::uint32_t i = 0; i < nu_; ++i)
+    start_lanes_[i] = static_cast<float>(task.plan->last_command ? task.plan->last_command[i] : start_[i]);
+  const double* const low = task.box ? task.box->state_low : config_->cost.state_low;
+  const double* const high = task.box ? task.box->state_high : config_->cost.state_high;
+  bounded_ = 0;
+  for (std::uint32_t i = 0; i < nx_; ++i) {
+    if (!std::isfinite(low[i]) && !std::isfinite(high[i])) continue;
+    const double turns = task.plan->origin ? task.plan->origin[i] : 0.0;
+    low_[bounded_] = low[i] - turns;
+    high_[bounded_] = high[i] - turns;
+    bounded_state_[bounded_++] = i;
+  }
+}
+
+/// How far the state may stray from a hypothesis' motion: the estimate's error and the noise of the periods that a probing
+/// motion takes, after which what was planned is planned again. A joint's position goes with its velocity.
+void Prober::design_margins() {
+  const StateSpread& spread = *task_->plan->belief->spread;
+  const tiller_model_t& model = *config_->model;
+  const double dt = config_->period_s;
+  for (std::uint32_t i = 0; i < nx_; ++i)
+    for (std::uint32_t step = 0; step <= horizon_; ++step)
+      margin_[std::size_t{step} * nx_ + i] =
+          std::sqrt(spread.covariance[i * nx_ + i] + std::min(step, stage_[stages_ > kMotion ? kMotion : 0]) * spread.process[i * nx_ + i]);
+  for (std::uint32_t j = 0; j < model.joint_count; ++j) {
+    const std::uint32_t p = model.joints[j].position, v = model.joints[j].velocity;
+    double pp = spread.covariance[p * nx_ + p], pv = spread.covariance[p * nx_ + v],
+           vv = spread.covariance[v * nx_ + v];
+    for (std::uint32_t step = 0; step <= horizon_; ++step) {
+      margin_[std::size_t{step} * nx_ + p] = std::sqrt(pp);
+      if (step >= stage_[stages_ > kMotion ? kMotion : 0]) continue;
+      pp += dt * (2.0 * pv + dt * vv) + spread.process[p * nx_ + p];
+      pv += dt * vv + spread.process[p * nx_ + v];
+      vv += spread.process[v * nx_ + v];
+    }
+  }
+}
+
+// ---- sequences ----------------------------------------------------------------------------------
+
+/// `wish` (horizon x nu) becomes a lane's inputs, under limits, rates and cones.
+void Prober::place_wish(std::uint32_t lane, const double* wish) {
+  double last[TILLER_MAX_INPUTS];
+  std::copy(start_, start_ + nu_, last);
+  for (std::uint32_t step = 0; step < horizon_; ++step) {
+    limit_commands(limits_, cones_, nu_, wish + std::size_t{step} * nu_, last);
+    for (std::uint32_t i = 0; i < nu_; ++i)
+      controls_[(std::size_t{step} * nu_ + i) * kBatch + lane] = static_cast<float>(last[i]);
+  }
+}
+
+void Prober::place(std::uint32_t lane, const float* sequence) {
+  std::copy(sequence, sequence + length(), wish_);
+  place_wish(lane, wish_);
+}
+
+/// Every lane gets the sequence.
+void Prober::place_all(const float* sequence) {
+  place(0, sequence);
+  for (std::size_t at = 0; at < length(); ++at)
+    std::fill(controls_ + at * kBatch + 1, controls_ + (at + 1) * kBatch, controls_[at * kBatch]);
+}
+
+/// A sample around a sequence: at knots over the horizon (most lanes), or while a probing
+/// motion lasts. The
+/// lanes' widths run geometrically over the batch.
+void Prober::draw(Rng& rng, std::uint32_t lane, const float* around, const Spread& spread) {
+  double* const wish = wish_;
+  double knot[kMostKnots];
+  const bool early = spread.first_step == 0 && lane % 3 == 1;
+  const std::uint32_t end = early ? std::min(stage_[stages_ > kMotion ? kMotion : 0] + 1, horizon_) : horizon_;
+  const double span = std::max(1.0, static_cast<double>(end - spread.first_step));
+  const double width = spread.widest * math::exp(-0.6931471805599453 * kFolds * (lane % 8) / 7.0);
+  for (std::uint32_t i = 0; i < nu_; ++i) {
+    const double half = 0.5 * (limits_[i].high - limits_[i].low);
+    for (std::uint32_t k = 0; k < knots_; ++k) knot[k] = width * half * rng.normal();
+    for (std::uint32_t step = 0; step < horizon_; ++step) {
+      double off = 0.0;
+      if (step >= spread.first_step && step < end) {
+        const double at = (step - spread.first_step) * (knots_ - 1) / span;
+        const std::uint32_t k = std::min(static_cast<std::uint32_t>(at), knots_ - 2);
+        off = knot[k] + (at - k) * (knot[k + 1] - knot[k]);
+      }
+      const std::size_t index = std::size_t{step} * nu_ + i;
+      wish[index] = static_cast<double>(around[index]) + off;
+    }
+  }
+  place_wish(lane, wish);
+}
+
+// ---- rollouts -----------------------------------------------------------------------------------
+
+RolloutJob<float> Prober::common_job() const {
+  RolloutJob<float> job;
+  job.setup = setup_;
+  job.horizon = horizon_;
+  job.history = task_->plan->belief->history;
+  job.previous_input = start_lanes_;
+  job.cost = &cost_terms_;
+  job.task_step = task_->plan->task_step;
+  return job;
+}
+
+void Prober::roll(std::size_t m, std::uint32_t lanes, float* cost, float* trajectory,
+                  const RolloutFeedback<float>* law) {
+  RolloutJob<float> job = common_job();
+  job.lanes = kBatch;
+  job.state = {state_ + m * nx_, 0};
+  job.params = {params_ + m * np_, 0};
+  job.effect_state = {effects_ + m * ns_, 0};
+  job.controls = {controls_, kBatch};
+  job.cost_out = cost;
+  job.trajectory = trajectory;
+  job.feedback = law;
+  table_->rollout_f32(*config_->model, job);
+  for (std::uint32_t l = 0; l < lanes; ++l)
+    if (!(cost[l] < kWorst)) cost[l] = kWorst;
+}
+
+/// A round of sampling for each hypothesis alone, around its own sequence of the tick before and the planner's.
+void Prober::specialise(Rng& rng) {
+  for (std::uint32_t m = 0; m < hypotheses_; ++m) {
+    float* const own = special(m);
+    place(0, own);
+    place(1, task_->sequence);
+    for (std::uint32_t lane = 2; lane < kBatch; ++lane) draw(rng, lane, lane % 4 == 3 ? task_->sequence : own, {0, 1.0});
+    float cost[kBatch];
+    roll(m, kBatch, cost, nullptr);
+    const std::uint32_t least = static_cast<std::uint32_t>(std::min_element(cost, cost + kBatch) - cost);
+    for (std::size_t at = 0; at < length(); ++at) own[at] = controls_[at * kBatch + least];
+  }
+}
+
+/// What it costs to take one hypothesis for another: each one's own sequence, under its law, on every hypothesis; and
+/// first the planner's own sequence.
+void Prober::cross() {
+  for (std::uint32_t plan = 0; plan <= hypotheses_; ++plan) {
+    place_all(plan == 0 ? task_->sequence : special(plan - 1));
+    RolloutFeedback<float> law;
+    if (plan > 0) law = law_of(plan - 1, 1);
+    RolloutJob<float> job = common_job();
+    job.lanes = pad_;
+    job.state = {lane_state_, pad_};
+    job.params = {lane_params_, pad_};
+    job.effect_state = {lane_effects_, pad_};
+    job.controls = {controls_, kBatch};
+    float cost[kMostProbeHypotheses];
+    job.cost_out = cost;
+    job.feedback = plan > 0 ? &law : nullptr;
+    table_->rollout_f32(*config_->model, job);
+    for (std::uint32_t m = 0; m < hypotheses_; ++m)
+      table_cost_[plan * hypotheses_ + m] = static_cast<double>(cost[m] < kWorst ? cost[m] : kWorst);
+  }
+  regrets_.fill(hypotheses_, table_cost_);
+  ignorant_ = regrets_.hedged > 0.0 ? regrets_.ignorance / regrets_.hedged : 0.0;
+}
+
+// ---- what a motion tells, and where it leads ----------------------------------------------------
+
+void Prober::measure_beyond() {
+  for (std::uint32_t step = 1; bounded_ > 0 && step <= horizon_; ++step) {
+    float* const row = beyond_ + std::size_t{step} * kBatch;
+    for (std::uint32_t b = 0; b < bounded_; ++b) {
+      const float* const x = trajectory_ + (std::size_t{step} * nx_ + bounded_state_[b]) * kBatch;
+      const double sd = std::fmax(margin_[std::size_t{step} * nx_ + bounded_state_[b]], 1e-12);
+      for (std::uint32_t l = 0; l < kBatch; ++l) {
+        const double at = static_cast<double>(x[l]);
+        const double out = beyond_bound((high_[b] - at) / sd) + beyond_bound((at - low_[b]) / sd);
+        row[l] += static_cast<float>(share() * std::fmin(out, 1.0));
+      }
+    }
+  }
+}
+
+/// Of each pair of hypotheses half the squared distance of their signals, up to each stage; of a calibration the Gram
+/// matrix of the signals about their mean.
+void Prober::accumulate() {
+  const std::size_t row = std::size_t{sight_.signals()} * kBatch, size = stage_[stages_ - 1] * row;
+  for (std::size_t at = 0; calibrates_ && at < size; ++at) {
+    float mean = 0.0f;
+    for (std::uint32_t m = 0; m < hypotheses_; ++m) mean += signal_[m * size + at];
+    mean /= static_cast<float>(hypotheses_);
+    for (std::uint32_t m = 0; m < hypotheses_; ++m) signal_[m * size + at] -= mean;
+  }
+  for (std::uint32_t i = 0; i < hypotheses_; ++i)
+    for (std::uint32_t j = calibrates_ ? i : i + 1; j < hypotheses_; ++j) {
+      float sum[kBatch] = {};
+      const float* const a = signal_ + i * size;
+      const float* const b = signal_ + j * size;
+      std::size_t at = 0;
+      for (std::uint32_t stage = 0; stage < stages_; ++stage) {
+        for (; at < stage_[stage] * row; at += kBatch)
+          for (std::uint32_t l = 0; l < kBatch; ++l) {
+            const float x = a[at + l], y = b[at + l];
+            sum[l] += calibrates_ ? x * y : 0.5f * (x - y) * (x - y);
+          }
+        std::copy(sum, sum + kBatch,
+                  apart_ + ((std::size_t{stage} * hypotheses_ + i) * hypotheses_ + j) * kBatch);
+      }
+    }
+}
+
+/// Rolls the batch out on every hypothesis; costs, distances and chances of leaving the bounds.
+void Prober::judge(std::uint32_t lanes) {
+  std::fill(beyond_, beyond_ + std::size_t{horizon_ + 1} * kBatch, 0.0f);
+  const std::size_t size = std::size_t{stage_[stages_ - 1]} * sight_.signals() * kBatch;
+  for (std::uint32_t m = 0; m < hypotheses_; ++m) {
+    roll(m, lanes, batch_cost_ + m * kBatch, trajectory_);
+    sight_.whiten(trajectory_, stage_[stages_ - 1], kBatch, signal_ + m * size);
+    measure_beyond();
+  }
+  accumulate();
+  if (calibrates_) return;
+  std::copy(controls_, controls_ + length() * kBatch, blind_);
+  std::fill(told_cost_, told_cost_ + std::size_t{kStages} * kBatch, 0.0f);
+  for (std::uint32_t m = 0; m < hypotheses_; ++m)
+    for (std::uint32_t stage = 0; stage < stages_; ++stage) {
+      float cost[kBatch];
+      answer(m, stage, cost);
+      for (std::uint32_t l = 0; l < kBatch; ++l)
+        told_cost_[stage * kBatch + l] += static_cast<float>(share()) * cost[l];
+    }
+  std::copy(blind_, blind_ + length() * kBatch, controls_);
+}
+
+Prober::Score Prober::score(std::uint32_t lane) const {
+  Score s{};
+  s.beyond = 1.0;
+  s.gain = -std::numeric_limits<double>::infinity();
+  double pairs[kMostProbeHypotheses * kMostProbeHypotheses], blind = 0.0, learnt = 0.0;
+  for (std::uint32_t m = 0; m < hypotheses_; ++m)
+    blind += share() * static_cast<double>(batch_cost_[m * kBatch + lane]);
+  const std::size_t square = std::size_t{hypotheses_} * hypotheses_;
+  for (std::uint32_t stage = 0; stage < stages_; ++stage) {
+    for (std::uint32_t i = 0; i < hypotheses_; ++i)
+      for (std::uint32_t j = calibrates_ ? i : i + 1; j < hypotheses_; ++j) {
+        const std::size_t at = std::size_t{i} * hypotheses_ + j;
+        pairs[at] = static_cast<double>(apart_[(stage * square + at) * kBatch + lane]);
+        if (!std::isfinite(pairs[at])) return s;
+      }
+    if (calibrates_) continue;
+    if (stage == kMotion) s.information = mixture_information(hypotheses_, pairs).low;
+    const double by_now = std::fmax(learnt, std::fmin(config_->probe.weight * told_share(regrets_, pairs), 1.0));
+    s.cost += (by_now - learnt) * static_cast<double>(told_cost_[stage * kBatch + lane]);
+    learnt = by_now;
+  }
+  s.beyond = 0.0;
+  for (std::uint32_t step = 1; step <= horizon_; ++step)
+    s.beyond = std::fmax(s.beyond, static_cast<double>(beyond_[std::size_t{step} * kBatch + lane]));
+  if (calibrates_) {
+    s.information = s.gain = gaussian_information(hypotheses_, pairs);
+    return s;
+  }
+  const double last = static_cast<double>(told_cost_[(kStages - 1) * kBatch + lane]);
+  s.told = static_cast<double>(told_cost_[kMotion * kBatch + lane]);
+  s.ignorance = ignorant_ * std::fmax(blind - static_cast<double>(told_cost_[lane]), 0.0);
+  s.cost += (1.0 - learnt) * (last + ignorant_ * std::fmax(blind - last, 0.0));
+  s.gain = -s.cost;
+  return s;
+}
+
+/// The best of a batch becomes the chosen one, if it is better.
+void Prober::consider(std::uint32_t first, std::uint32_t end) {
+  for (std::uint32_t l = first; l < end; ++l) {
+    Score s = score(l);
+    if (!std::isfinite(s.gain)) continue;
+    const bool inside = s.beyond <= std::fmax(config_->probe.risk, calibrates_ ? 0.0 : own_.beyond);
+    if (!calibrates_ && (!inside || s.told - own_.told > task_->most_cost + task_->budget * own_.cost)) continue;
+    // from outside of the box the way back comes first
+    if (calibrates_ && !inside) s.gain = -s.beyond;
+    // what is under way goes on unless another is better by more than samples differ: two that take turns tell nothing
+    const double ahead = !calibrates_ && goes_on_ ? kLeastSaving * own_.cost : 0.0;
+    if (has_best_ && !(s.gain > chosen_.gain + ahead)) continue;
+    if (has_best_) goes_on_ = false;
+    chosen_ = s;
+    has_best_ = true;
+    for (std::size_t at = 0; at < length(); ++at) best_[at] = controls_[at * kBatch + l];
+  }
+}
+
+/// Mean cost of the best one's first period and then the planner's sequence, told as late.
+double Prober::switched_cost() {
+  std::copy(task_->sequence, task_->sequence + length(), wish_);
+  std::copy(best_, best_ + nu_, wish_);
+  place_wish(0, wish_);
+  for (std::size_t at = 0; at < length(); ++at)
+    std::fill(controls_ + at * kBatch + 1, controls_ + (at + 1) * kBatch, controls_[at * kBatch]);
+  std::copy(controls_, controls_ + length() * kBatch, blind_);
+  double sum = 0.0;
+  for (std::uint32_t m = 0; m < hypotheses_; ++m) {
+    float cost[kBatch];
+    answer(m, kMotion, cost);
+    sum += share() * static_cast<double>(cost[0]);
+  }
+  return sum;
+}
+
+/// A saving that is worth a change of plan: of what plans cost on average, for at rest at its goal a robot has a small
+/// cost, whose hundredth is nothing.
+double Prober::least_saving(double cost) const { return kLeastSaving * std::fmax(cost, usual_cost_); }
+
+/// Whether perfect information would save enough; if not, nothing is looked for until some periods later, and what was
+/// found before is forgotten.
+bool Prober::needs_to_know(ProbeResult& result) {
+  double planned = 0.0;
+  for (std::uint32_t m = 0; m < hypotheses_; ++m) planned += share() * table_cost_[m];
+  result.plan_cost = planned;
+  usual_cost_ += (std::fmin(planned, static_cast<double>(kWorst)) - usual_cost_) / static_cast<double>(++searches_);
+  if (regrets_.ignorance > least_saving(planned)) return true;
+  resting_ = kRest;
+  sent_ = has_best_ = false;
+  return false;
+}
+
+ProbeResult Prober::search(const ProbeTask& task) {
+  const FlushToZero flush;
+  task_ = &task;
+  calibrates_ = task.box != nullptr;
+  const PlanRequest& request = *task.plan;
+  (void)frame_.take_goal(request, cost_terms_);
+  (void)frame_.move_to(request.origin, cost_terms_);
+  set_stages();
+  take_belief(request);
+  sight_.design(*config_->model, config_->period_s, *request.belief->spread);
+  take_limits(task);
+  design_margins();
+  follow_time(task);
+  Rng rng(config_->seed, kRngProbe, request.tick);
+  ProbeResult result;
+  if (!calibrates_) {
+    if (resting_ > 0) {
+      --resting_;
+      return result;
+    }
+    specialise(rng);
+    take_laws();
+    cross();
+    if (!needs_to_know(result)) return result;
+  }
+  float* const last = last_;
+  const bool had = has_best_;
+  std::copy(had ? best_ : task.sequence, (had ? best_ : task.sequence) + length(), last);
+  has_best_ = false;
+  for (std::uint32_t first = 0; first < config_->probe.rollouts; first += kBatch) {
+    for (std::uint32_t l = 0; l < kBatch; ++l) draw(rng, l, l % 2 == 1 && had ? last : task.sequence, {0, 1.0});
+    if (first == 0) {
+      place(0, task.sequence);
+      place(1, last);
+      // to act as if one were true: half of the batch at most
+      for (std::uint32_t m = 0; !calibrates_ && m < hypotheses_ && m < kBatch / 2; ++m) place(2 + m, special(m));
+    }
+    judge(kBatch);
+    if (first == 0) {
+      own_ = score(0);
+      goes_on_ = sent_ && had;
+      if (goes_on_) consider(1, 2);
+      goes_on_ = goes_on_ && has_best_;
+    }
+    consider(0, kBatch);
+  }
+  if (has_best_) {
+    std::copy(best_, best_ + length(), last);
+    for (std::uint32_t l = 0; l < kBatch; ++l) draw(rng, l, last, {0, kRefined});
+    judge(kBatch);
+    consider(0, kBatch);
+  }
+  result.plan_cost = own_.cost;
+  const bool was_sent = sent_;
+  sent_ = false;
+  if (!has_best_) return result;
+  result.information = chosen_.information;
+  if (calibrates_) {
+    result.probes = true;
+    return result;
+  }
+  result.cost = std::fmax(chosen_.told - own_.told, 0.0);
+  result.value = own_.cost - chosen_.cost + result.cost;
+  const double least = least_saving(own_.cost);
+  result.probes = sent_ = own_.ignorance > least && own_.cost - chosen_.cost > (was_sent ? 0.0 : least);
+  if (result.probes) result.step_cost = std::fmin(std::fmax(switched_cost() - own_.told, 0.0), result.cost);
+  return result;
+}
+
+double Prober::stage_cost(const double* input, std::uint64_t task_step) {
+  float control[TILLER_MAX_INPUTS], whole[kMostProbeHypotheses], end[kMostProbeHypotheses];
+  for (std::uint32_t i = 0; i < nu_; ++i) control[i] = static_cast<float>(input[i]);
+  RolloutJob<float> job = common_job();
+  job.lanes = pad_;
+  job.horizon = 1;
+  job.task_step = task_step;
+  job.state = {lane_state_, pad_};
+  job.params = {lane_params_, pad_};
+  job.effect_state = {lane_effects_, pad_};
+  job.controls = {control, 0};
+  job.cost_out = whole;
+  job.final_state = lane_next_;
+  table_->rollout_f32(*config_->model, job);
+  job.horizon = 0;
+  job.task_step = task_step + 1;
+  job.state = {lane_next_, pad_};
+  job.cost_out = end;
+  job.final_state = nullptr;
+  table_->rollout_f32(*config_->model, job);
+  double sum = 0.0;
+  for (std::uint32_t m = 0; m < hypotheses_; ++m)
+    sum += share() * (static_cast<double>(whole[m]) - static_cast<double>(end[m]));
+  return std::isfinite(sum) ? std::fmax(sum, 0.0) : 0.0;
+}
+
+}  // namespace tiller

@@ -1,0 +1,70 @@
+#include "tools/robot/calibration.hpp"
+
+#include <cmath>
+
+namespace tiller::tools {
+namespace {
+
+bool anything_to_learn(const tiller_config_t& config) {
+  if (config.posterior.enabled == 0) return false;
+  for (std::uint32_t i = 0; i < config.param_count; ++i)
+    if (config.priors[i].kind != tiller_prior_fixed) return true;
+  return false;
+}
+
+bool is_interval(double low, double high) { return std::isfinite(low) && std::isfinite(high); }
+
+}  // namespace
+
+bool allow_calibration(RobotFile& robot, std::string& error) {
+  Config& config = robot.config;
+  const std::string begin = robot.path + ": --calibrate: ";
+  if (!anything_to_learn(config)) {
+    error = begin + "there is nothing to learn (no parameter has a prior, or the posterior is frozen); give one a prior "
+                    "below [parameters]";
+    return false;
+  }
+  const CalibrationSection& box = robot.calibration;
+  for (std::uint32_t j = 0; j < config.model->joint_count; ++j) {
+    const std::uint32_t i = config.model->joints[j].position;
+    if (i == TILLER_NO_POSITION || is_interval(box.state_low[i], box.state_high[i]) ||
+        is_interval(config.state_low[i], config.state_high[i]))
+      continue;
+    error = begin + "nothing says how far " + robot.names.states[i] + " may go; draw the box: [probe] box = { \"" +
+            robot.names.states[i] + "\" = [low, high] }";
+    return false;
+  }
+  for (std::size_t i = 0; i < robot.names.inputs.size(); ++i) {
+    const double low = box.input_low[i], high = box.input_high[i];
+    if (!is_interval(low, high)) continue;
+    if (low >= config.safety.input_low[i] && high <= config.safety.input_high[i]) continue;
+    error = begin + "[probe] box gives " + robot.names.inputs[i] + " more than its [limits]; narrow it";
+    return false;
+  }
+  // room for a prober, which beside a calibration has nothing to say
+  if (!(config.probe.weight > 0.0)) config.probe.weight = TILLER_SMALLEST_WEIGHT;
+  return true;
+}
+
+tiller_status_t start_calibration(const RobotFile& robot, tiller_t* controller) {
+  const CalibrationSection& c = robot.calibration;
+  std::vector<double> state_low, state_high, input_low, input_high;
+  const auto narrow = [](const double* outer, const std::vector<double>& drawn, std::vector<double>& all) {
+    for (std::size_t i = 0; i < drawn.size(); ++i) all.push_back(std::isfinite(drawn[i]) ? drawn[i] : outer[i]);
+  };
+  narrow(robot.config.state_low, c.state_low, state_low);
+  narrow(robot.config.state_high, c.state_high, state_high);
+  narrow(robot.config.safety.input_low, c.input_low, input_low);
+  narrow(robot.config.safety.input_high, c.input_high, input_high);
+  tiller_box_t box{};
+  box.size = sizeof box;
+  box.version = TILLER_CONFIG_VERSION;
+  box.state_low = state_low.data();
+  box.state_high = state_high.data();
+  box.input_low = input_low.data();
+  box.input_high = input_high.data();
+  const double periods = std::ceil(c.seconds / robot.config.period_s - 1e-9);
+  return tiller_calibrate(controller, &box, static_cast<std::uint32_t>(periods));
+}
+
+}  // namespace tiller::tools
