@@ -10,8 +10,11 @@
 //   white noise            passive, with a reference that jitters; sized on seeds 1001.. to cost what probing spends
 //   probing                passive, with probe.weight = 1
 //
-//   bench_dual [--seeds FIRST COUNT] [--only TASK] [--threads N] [--json FILE] [--set KEY VALUE]...
+// Then calibrations (calibration_runs.hpp), and the shipped robots with probing on, which need none.
+//
+//   bench_dual [--seeds FIRST COUNT] [--only TASK|calibrate|shipped] [--threads N] [--json FILE] [--set KEY VALUE]...
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cmath>
@@ -19,6 +22,7 @@
 #include <cstring>
 #include <thread>
 
+#include "bench/planning/calibration_runs.hpp"
 #include "bench/planning/dual_tasks.hpp"
 #include "bench/table/arguments.hpp"
 #include "bench/table/bench_table.hpp"
@@ -39,6 +43,7 @@ struct Summary {
   double cost = 0.0, success = 0.0, violated = 0.0, probed = 0.0, spent = 0.0, within = 0.0, sd = 0.0, tick_us = 0.0;
 };
 
+/// `within`: share of the runs that cost no more than the budget above the passive run of the same seed.
 Summary summarise(const DualTask& task, const std::vector<DualRun>& runs, const std::vector<DualRun>& passive) {
   Summary s;
   const double share = 1.0 / static_cast<double>(runs.size());
@@ -71,15 +76,34 @@ std::vector<std::vector<DualRun>> run_all(const DualTask& task, std::uint64_t fi
   return runs;
 }
 
+void report(bench::Table& table, const DualTask& task, const std::vector<std::vector<DualRun>>& runs) {
+  const Summary oracle = summarise(task, runs.back(), runs[0]), passive = summarise(task, runs[0], runs[0]);
+  table.heading(task.name + ", " + std::to_string(runs[0].size()) + " seeds");
+  Summary probing;
+  for (std::size_t k = 0; k < kCount; ++k) {
+    const Summary s = summarise(task, runs[k], runs[0]);
+    if (bench::kManners[k] == Manner::probing) probing = s;
+    std::printf(
+        "  %-22s cost %9.4g   excess %9.4g   success %3.0f %%   bound passed %3.0f %%   sd %.3g   tick %.0f us\n",
+        bench::manner_name(bench::kManners[k]), s.cost, s.cost - oracle.cost, 100.0 * s.success, 100.0 * s.violated,
+        s.sd, s.tick_us);
+  }
+  std::printf("  probed in %.1f ticks, by its own account at %.3g\n", probing.probed, probing.spent);
+  table.row("excess of probing over that of passive", (probing.cost - oracle.cost) / (passive.cost - oracle.cost), "",
+            bench::at_most(kShareGoal));
+  table.row("success less that of passive", probing.success - passive.success, "", bench::at_least(0.0));
+  table.row("runs that pass a bound", probing.violated, "", bench::at_most(task.config.probe.risk));
+  table.row("runs within the budget of their passive one", probing.within, "", bench::at_least(kWithinGoal));
+}
+
 // ---- tasks without need -------------------------------------------------------------------------
 
 const char* const kShipped[] = {"pendulum",         "cart_pole", "acrobot",    "furuta",        "two_link_arm",
                                 "planar_quadrotor", "quadrotor", "skid_steer", "pusher_slider", "hopper"};
-constexpr double kShippedSeconds = 6.0;
+constexpr double kShippedSeconds = 6.0, kShippedGoal = 1.01;
 
-void run_shipped(std::uint64_t first, std::uint64_t seeds, unsigned threads) {
-  std::printf("shipped robots, %d seeds of %.0f s, mean cost with probing over that without\n", static_cast<int>(seeds),
-              kShippedSeconds);
+void run_shipped(bench::Table& table, std::uint64_t first, std::uint64_t seeds, unsigned threads) {
+  table.heading("shipped robots, " + std::to_string(seeds) + " seeds: cost with probing over that without");
   for (const char* name : kShipped) {
     std::string errors;
     const auto robot = tools::read_robot_file(std::string(TILLER_ROBOTS "/") + name + ".toml", errors);
@@ -115,8 +139,44 @@ void run_shipped(std::uint64_t first, std::uint64_t seeds, unsigned threads) {
         sum[k] += cost[k][i];
         time[k] += tick_us[k][i] / static_cast<double>(seeds);
       }
-    std::printf("  %-18s %.4f   tick %.0f us, %.0f us\n", name, sum[1] / sum[0], time[0], time[1]);
-    std::fflush(stdout);
+    table.row(name, sum[1] / sum[0], "", bench::at_most(kShippedGoal));
+    table.row(std::string(name) + ", tick", time[1] / time[0], "");
+  }
+}
+
+// ---- before the task ----------------------------------------------------------------------------
+
+constexpr double kCalibrated_s = 5.0, kTickGoal = 1.5, kOutsideGoal = 0.05;
+
+double median(std::vector<double> v) {
+  std::sort(v.begin(), v.end());
+  return v[v.size() / 2];
+}
+
+void run_calibrations(bench::Table& table, std::uint64_t first, std::uint64_t seeds) {
+  table.heading("5 s of calibration over a multisine in the same box, " + std::to_string(seeds) + " seeds");
+  for (const bench::CalibrationTask& task : bench::calibration_tasks()) {
+    std::vector<double> ratio;  // geometric mean over the parameters
+    double outside[2] = {}, tick_us[2] = {}, error = 0.0;
+    for (std::uint64_t i = 0; i < seeds; ++i) {
+      const auto own = bench::run_calibration(task, false, first + i, kCalibrated_s);
+      const auto hand = bench::run_calibration(task, true, first + i, kCalibrated_s);
+      double log_ratio = 0.0;
+      for (std::size_t k = 0; k < own.sd.size(); ++k)
+        log_ratio += std::log(own.sd[k] / hand.sd[k]) / static_cast<double>(own.sd.size());
+      ratio.push_back(std::exp(log_ratio));
+      error = std::max(error, own.error_sd);
+      const bench::CalibrationRun* both[] = {&own, &hand};
+      for (int k = 0; k < 2; ++k) {
+        outside[k] += both[k]->outside / static_cast<double>(seeds);
+        tick_us[k] += both[k]->tick_us / static_cast<double>(seeds);
+      }
+    }
+    table.row(task.robot + ", deviations (geometric mean, median)", median(ratio), "", bench::at_most(kShareGoal));
+    table.row(task.robot + ", tick", tick_us[0] / tick_us[1], "", bench::at_most(kTickGoal));
+    table.row(task.robot + ", share of ticks outside", outside[0], "", bench::at_most(kOutsideGoal));
+    table.row(task.robot + ", share outside, multisine", outside[1], "");
+    table.row(task.robot + ", largest error of a mean", error, "sd");
   }
 }
 
@@ -127,39 +187,38 @@ int main(int argc, char** argv) {
   unsigned threads = 2;
   std::string only;
   std::vector<std::pair<std::string, double>> settings;
+  bench::Table table;
   for (int i = 1; i < argc; ++i) {
     if (!std::strcmp(argv[i], "--seeds") && i + 2 < argc) {
       first = std::strtoull(argv[i + 1], nullptr, 10);
-      seeds = std::strtoull(argv[i + 2], nullptr, 10);
+      seeds = static_cast<std::uint64_t>(bench::whole_number(argv[i + 2]));
       i += 2;
     } else if (!std::strcmp(argv[i], "--only") && i + 1 < argc) {
       only = argv[++i];
     } else if (!std::strcmp(argv[i], "--threads") && i + 1 < argc) {
-      threads = static_cast<unsigned>(std::atoi(argv[++i]));
+      threads = static_cast<unsigned>(bench::whole_number(argv[++i]));
+    } else if (!std::strcmp(argv[i], "--json") && i + 1 < argc) {
+      std::FILE* file = std::fopen(argv[++i], "a");
+      if (!file) return std::perror(argv[i]), 2;
+      table.json_to(file);
     } else if (!std::strcmp(argv[i], "--set") && i + 2 < argc) {
-      settings.emplace_back(argv[i + 1], std::atof(argv[i + 2]));
+      settings.emplace_back(argv[i + 1], bench::real_number(argv[i + 2]));
       i += 2;
     } else {
-      std::fprintf(stderr, "usage: bench_dual [--seeds FIRST COUNT] [--only TASK] [--threads N] [--set KEY VALUE]...\n");
+      std::fprintf(
+          stderr,
+          "usage: bench_dual [--seeds FIRST COUNT] [--only TASK|calibrate|shipped] [--threads N] [--json FILE] "
+          "[--set KEY VALUE]...\n");
       return 2;
     }
   }
-  if (only.empty() || only == "shipped") run_shipped(first, seeds, threads);
   for (DualTask& task : bench::dual_tasks()) {
     if (!only.empty() && task.name.find(only) == std::string::npos) continue;
     for (const auto& [key, value] : settings)
       if (!override_setting(task, key, value)) return std::fprintf(stderr, "no setting %s\n", key.c_str()), 2;
-    const auto runs = run_all(task, first, seeds, threads);
-    const Summary oracle = summarise(task, runs.back(), runs[0]);
-    std::printf("%s, %d seeds\n", task.name.c_str(), static_cast<int>(seeds));
-    for (std::size_t k = 0; k < kCount; ++k) {
-      const Summary s = summarise(task, runs[k], runs[0]);
-      std::printf("  %-22s cost %9.4g  excess %9.4g  success %3.0f %%  violated %3.0f %%  probed %5.1f  spent %7.3g  "
-                  "within %3.0f %%  sd %.3g  tick %.0f us\n",
-                  bench::manner_name(bench::kManners[k]), s.cost, s.cost - oracle.cost, 100 * s.success,
-                  100 * s.violated, s.probed, s.spent, 100 * s.within, s.sd, s.tick_us);
-      std::fflush(stdout);
-    }
+    report(table, task, run_all(task, first, seeds, threads));
   }
-  return 0;
+  if (only.empty() || only == "calibrate") run_calibrations(table, first, seeds);
+  if (only.empty() || only == "shipped") run_shipped(table, first, seeds, threads);
+  return table.finish();
 }

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
 
 #include "bench/planning/dual_models.hpp"
 
@@ -13,13 +11,15 @@ namespace {
 
 constexpr double kInf = INFINITY;
 
+std::uint32_t whole(double v) { return static_cast<std::uint32_t>(std::max(v, 0.0)); }
+
 tiller::Config base(const tiller_model_t& model, double low, double high) {
   tiller::Config c;
   tiller_config_default(&c, &model);
   c.priors[0] = {tiller_prior_uniform, 0, 0.0, 0.0, low, high};
   std::fill(c.initial_state_sd, c.initial_state_sd + TILLER_MAX_STATES, 0.01);
-  c.planner.kind = tiller_planner_mppi;
-  c.planner.rollouts = 256;
+  c.planner.kind = tiller_planner_cem;
+  c.planner.rollouts = 512;
   c.planner.particles = 8;
   c.planner.iterations = 2;
   c.posterior.noise_ratio_sd = 0.0;
@@ -122,7 +122,7 @@ DualTask set_down_task() {
   t.high = 8.0;
   t.config = base(*tiller_find_model("linear_axis"), t.low, t.high);
   tiller::Config& c = t.config;
-  c.measurement_sd[0] = 0.005;
+  c.measurement_sd[0] = 0.025;
   c.process_sd[1] = 0.02;
   c.planner.horizon = 40;
   c.planner.knots = 10;
@@ -267,21 +267,37 @@ std::vector<DualTask> dual_tasks() {
   return {set_down_task(), braking_task(), balancing_task(), slot_task(), climb_task()};
 }
 
-bool override_setting(DualTask& t, const std::string& key, double v) {
-  tiller::Config& c = t.config;
-  const auto whole = static_cast<std::uint32_t>(v < 0.0 ? 0.0 : v);
-  if (key == "budget") c.probe.budget = v;
-  else if (key == "probe_rollouts") c.probe.rollouts = whole;
-  else if (key == "probe_hypotheses") c.probe.hypotheses = whole;
-  else if (key == "horizon") c.planner.horizon = whole;
-  else if (key == "rollouts") c.planner.rollouts = whole;
-  else if (key == "particles") c.planner.particles = whole;
-  else if (key == "sensor") std::for_each(c.measurement_sd, c.measurement_sd + TILLER_MAX_MEASUREMENTS, [&](double& s) { s *= v; });
-  else if (key == "process") std::for_each(c.process_sd, c.process_sd + TILLER_MAX_STATES, [&](double& s) { s *= v; });
-  else if (key == "planner") c.planner.kind = whole;
-  else if (key == "jitter") std::for_each(t.jitter.begin(), t.jitter.end(), [&](double& s) { s *= v; });
-  else return false;
-  return true;
+bool override_setting(DualTask& task, const std::string& key, double value) {
+  static constexpr struct {
+    const char* key;
+    void (*set)(DualTask& t, double v);
+  } settings[] = {
+      {"budget", [](DualTask& t, double v) { t.config.probe.budget = v; }},
+      {"probe_rollouts", [](DualTask& t, double v) { t.config.probe.rollouts = whole(v); }},
+      {"probe_hypotheses", [](DualTask& t, double v) { t.config.probe.hypotheses = whole(v); }},
+      {"planner", [](DualTask& t, double v) { t.config.planner.kind = whole(v); }},
+      {"horizon", [](DualTask& t, double v) { t.config.planner.horizon = whole(v); }},
+      {"rollouts", [](DualTask& t, double v) { t.config.planner.rollouts = whole(v); }},
+      {"particles", [](DualTask& t, double v) { t.config.planner.particles = whole(v); }},
+      {"sensor",
+       [](DualTask& t, double v) {
+         for (double& sd : t.config.measurement_sd) sd *= v;
+       }},
+      {"process",
+       [](DualTask& t, double v) {
+         for (double& sd : t.config.process_sd) sd *= v;
+       }},
+      {"jitter",
+       [](DualTask& t, double v) {
+         for (double& sd : t.jitter) sd *= v;
+       }},
+  };
+  for (const auto& setting : settings)
+    if (key == setting.key) {
+      setting.set(task, value);
+      return true;
+    }
+  return false;
 }
 
 DualRun run_dual(const DualTask& task, Manner manner, std::uint64_t seed) {
@@ -316,12 +332,6 @@ DualRun run_dual(const DualTask& task, Manner manner, std::uint64_t seed) {
     if (k == task.ticks / 3) {
       tiller_get_info(t, &info);
       run.sd = info.param_sd[task.unknown];
-    }
-    if (std::getenv("DUAL_TRACE")) {
-      tiller_get_info(t, &info);
-      std::printf("%3u x %.3f %.3f u %.2f  m %.2f sd %.3f  J %.4g  value %.4g cost %.4g probing %u spent %.4g allowed %.4g\n", k, plant.x[0],
-                  plant.x[1], command.value[0], info.param_mean[task.unknown], info.param_sd[task.unknown],
-                  info.plan_cost, info.probe_value, info.probe_cost, info.probing, info.probe_spent, info.probe_allowed);
     }
     run.cost += task_cost(task, truth, k, plant.x, command.value);
     for (std::uint32_t i = 0; i < nx; ++i)

@@ -47,8 +47,7 @@ bool Probing::known(const tiller_info_t& info) const {
 }
 
 const float* Probing::choose(const Posterior& posterior, const CommandTimeline& timeline, const Moment& moment,
-                             const PlanRequest& request, const float* sequence, double* command,
-                             tiller_info_t& info) {
+                             const PlanRequest& request, const float* sequence, double* command, tiller_info_t& info) {
   info.probing = tiller_probing_none;
   info.probe_value = info.probe_cost = info.probe_information = 0.0;
   if (known(info)) left_ = 0;

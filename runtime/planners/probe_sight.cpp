@@ -81,6 +81,7 @@ void ProbeSight::design(const tiller_model_t& model, double period_s, const Stat
     follower_[followers_++] = f;
   };
   for (std::uint32_t j = 0; j < model.joint_count; ++j) {
+    if (model.joints[j].position == TILLER_NO_POSITION) continue;
     Follower f;
     f.position = model.joints[j].position;
     f.velocity = model.joints[j].velocity;

@@ -11,10 +11,10 @@ constexpr std::uint32_t kMostProbeHypotheses = 32;
 /// Costs of M + 1 plans on M hypotheses, which are as likely as one another: row 0 of the plan that hedges between them
 /// all, row 1 + j of the one that is made for hypothesis j.
 struct RegretTable {
-  std::uint32_t count = 0;    // M
-  double hedged = 0.0;        // mean regret of plan 0
-  double ignorance = 0.0;     // of the plan that is best on average: what perfect information saves, at most `hedged`
-  double mistaken = 0.0;      // mean over pairs of what it costs to take i for j
+  std::uint32_t count = 0;  // M
+  double hedged = 0.0;      // mean regret of plan 0
+  double ignorance = 0.0;   // of the plan that is best on average: what perfect information saves, at most `hedged`
+  double mistaken = 0.0;    // mean over pairs of what it costs to take i for j
   double pair[kMostProbeHypotheses * kMostProbeHypotheses] = {};  // (M x M) regret(i, j) + regret(j, i), i < j
 
   /// cost ((M + 1) x M), row by plan. A hypothesis' least cost is that of whichever plan serves it best.

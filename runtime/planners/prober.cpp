@@ -121,8 +121,8 @@ void Prober::align() {
     float* const x = state_ + std::size_t{m} * nx_;
     for (std::uint32_t i = 0; i < nx_; ++i)
       if ((model.angle_mask >> i) & 1u)
-        x[i] = static_cast<float>(static_cast<double>(first[i]) + state_difference(model, i, static_cast<double>(x[i]),
-                                                                                   static_cast<double>(first[i])));
+        x[i] = static_cast<float>(static_cast<double>(first[i]) +
+                                  state_difference(model, i, static_cast<double>(x[i]), static_cast<double>(first[i])));
     for_quaternions(model.quaternion_mask, [&](std::uint32_t q) {
       float along = 0.0f;
       for (std::uint32_t i = q; i < q + 4; ++i) along += x[i] * first[i];
@@ -223,9 +223,11 @@ void Prober::design_margins() {
   for (std::uint32_t i = 0; i < nx_; ++i)
     for (std::uint32_t step = 0; step <= horizon_; ++step)
       margin_[std::size_t{step} * nx_ + i] =
-          std::sqrt(spread.covariance[i * nx_ + i] + std::min(step, stage_[stages_ > kMotion ? kMotion : 0]) * spread.process[i * nx_ + i]);
+          std::sqrt(spread.covariance[i * nx_ + i] +
+                    std::min(step, stage_[stages_ > kMotion ? kMotion : 0]) * spread.process[i * nx_ + i]);
   for (std::uint32_t j = 0; j < model.joint_count; ++j) {
     const std::uint32_t p = model.joints[j].position, v = model.joints[j].velocity;
+    if (p == TILLER_NO_POSITION) continue;
     double pp = spread.covariance[p * nx_ + p], pv = spread.covariance[p * nx_ + v],
            vv = spread.covariance[v * nx_ + v];
     for (std::uint32_t step = 0; step <= horizon_; ++step) {
@@ -272,16 +274,23 @@ void Prober::draw(Rng& rng, std::uint32_t lane, const float* around, const Sprea
   const bool early = spread.first_step == 0 && lane % 3 == 1;
   const std::uint32_t end = early ? std::min(stage_[stages_ > kMotion ? kMotion : 0] + 1, horizon_) : horizon_;
   const double span = std::max(1.0, static_cast<double>(end - spread.first_step));
+  const bool square = calibrates_ && lane % 3 == 2;
   const double width = spread.widest * math::exp(-0.6931471805599453 * kFolds * (lane % 8) / 7.0);
   for (std::uint32_t i = 0; i < nu_; ++i) {
     const double half = 0.5 * (limits_[i].high - limits_[i].low);
     for (std::uint32_t k = 0; k < knots_; ++k) knot[k] = width * half * rng.normal();
+    // what tells most of parameters is often a square wave
+    const double waves = math::exp(rng.uniform() * math::log(0.25 * span + 1.0)), phase = rng.uniform();
     for (std::uint32_t step = 0; step < horizon_; ++step) {
       double off = 0.0;
       if (step >= spread.first_step && step < end) {
         const double at = (step - spread.first_step) * (knots_ - 1) / span;
         const std::uint32_t k = std::min(static_cast<std::uint32_t>(at), knots_ - 2);
         off = knot[k] + (at - k) * (knot[k + 1] - knot[k]);
+        if (square) {
+          const double turn = phase + waves * (step - spread.first_step) / span;
+          off = width * half * (turn - std::floor(turn) < 0.5 ? 1.0 : -1.0);
+        }
       }
       const std::size_t index = std::size_t{step} * nu_ + i;
       wish[index] = static_cast<double>(around[index]) + off;
@@ -325,7 +334,8 @@ void Prober::specialise(Rng& rng) {
     float* const own = special(m);
     place(0, own);
     place(1, task_->sequence);
-    for (std::uint32_t lane = 2; lane < kBatch; ++lane) draw(rng, lane, lane % 4 == 3 ? task_->sequence : own, {0, 1.0});
+    for (std::uint32_t lane = 2; lane < kBatch; ++lane)
+      draw(rng, lane, lane % 4 == 3 ? task_->sequence : own, {0, 1.0});
     float cost[kBatch];
     roll(m, kBatch, cost, nullptr);
     const std::uint32_t least = static_cast<std::uint32_t>(std::min_element(cost, cost + kBatch) - cost);
@@ -396,8 +406,7 @@ void Prober::accumulate() {
             const float x = a[at + l], y = b[at + l];
             sum[l] += calibrates_ ? x * y : 0.5f * (x - y) * (x - y);
           }
-        std::copy(sum, sum + kBatch,
-                  apart_ + ((std::size_t{stage} * hypotheses_ + i) * hypotheses_ + j) * kBatch);
+        std::copy(sum, sum + kBatch, apart_ + ((std::size_t{stage} * hypotheses_ + i) * hypotheses_ + j) * kBatch);
       }
     }
 }

@@ -30,13 +30,14 @@ struct ProbeTask {
 };
 
 struct ProbeResult {
-  bool probes = false;       // sequence() goes out
-  double value = 0.0;        // of the best that was found, whether it goes out or not: expected to be saved by what it
-                             // tells beyond what the planner's own sequence tells,
-  double cost = 0.0;         // and what it costs more than that, were as much known after it
-  double step_cost = 0.0;    // of that, what its first period costs, if the planner's sequence goes on after it
-  double information = 0.0;  // nats about the parameters, by when a probing motion is over; or in a calibration's horizon
-  double plan_cost = 0.0;    // expected of the planner's sequence and of what will be learnt from it
+  bool probes = false;     // sequence() goes out
+  double value = 0.0;      // of the best that was found, whether it goes out or not: expected to be saved by what it
+                           // tells beyond what the planner's own sequence tells,
+  double cost = 0.0;       // and what it costs more than that, were as much known after it
+  double step_cost = 0.0;  // of that, what its first period costs, if the planner's sequence goes on after it
+  double information =
+      0.0;                 // nats about the parameters, by when a probing motion is over; or in a calibration's horizon
+  double plan_cost = 0.0;  // expected of the planner's sequence and of what will be learnt from it
 };
 
 /// Looks beside any planner's sequence for one that is worth sending for what it will tell (dual control).
@@ -67,7 +68,7 @@ class Prober {
   void reset();
   /// How many hypotheses it judges by.
   static std::uint32_t hypotheses_of(const tiller_config_t& config);
-  /// Bounded by the configuration: 2 R + 256 rollouts on each hypothesis.
+  /// Bounded by the configuration: 5 R + 400 rollouts on each hypothesis, and a Riccati sweep for it.
   ProbeResult search(const ProbeTask& task);
   /// (horizon x nu) of the last search that probes.
   const float* sequence() const { return best_; }
@@ -75,7 +76,7 @@ class Prober {
   double stage_cost(const double* input, std::uint64_t task_step);
 
  private:
-  static constexpr std::uint32_t kBatch = 32;  // lanes of a rollout call
+  static constexpr std::uint32_t kBatch = 64;  // lanes of a rollout call: four registers of AVX-512 in flight
   static constexpr std::uint32_t kMostKnots = 16;
   static constexpr std::uint32_t kStages = 4, kMotion = 2;  // the stage by which a probing motion is over
 
@@ -139,7 +140,7 @@ class Prober {
   // kept from tick to tick
   std::uint64_t last_tick_ = 0;
   bool has_last_ = false, has_best_ = false, sent_ = false;
-  double usual_cost_ = 0.0;   // of the planner's sequences, mean since the reset
+  double usual_cost_ = 0.0;  // of the planner's sequences, mean since the reset
   std::uint64_t searches_ = 0;
   std::uint32_t resting_ = 0;
   float* special_ = nullptr;  // (M x horizon x nu) what suits each hypothesis
@@ -156,7 +157,7 @@ class Prober {
   double start_[TILLER_MAX_INPUTS] = {};
   float start_lanes_[TILLER_MAX_INPUTS] = {};
   RegretTable regrets_;
-  bool goes_on_ = false;  // the best one is that of the tick before
+  bool goes_on_ = false;       // the best one is that of the tick before
   std::uint32_t bounded_ = 0;  // states with a bound
   std::uint32_t bounded_state_[TILLER_MAX_STATES] = {};
   double low_[TILLER_MAX_STATES] = {}, high_[TILLER_MAX_STATES] = {};

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <vector>
@@ -13,8 +14,6 @@ namespace {
 
 using rig::Loop;
 using rig::PendulumPlant;
-
-
 
 /// The pendulum at rest below, which it is to hold: nothing needs to be known for that.
 tiller::Config resting_config() {
@@ -138,18 +137,18 @@ TEST(Probe, ACalibrationEndsOnceEnoughIsKnown) {
 TEST(Probe, TheTaskBeginsBehindTheCalibration) {
   PendulumPlant plant;
   tiller::Config c = resting_config();
-  // a reference that leaves rest at row 50: without a calibration it would be over by then
-  std::vector<double> reference(2 * 100, 0.0);
-  for (int k = 50; k < 100; ++k) reference[2 * k] = 0.5;
+  // a reference that leaves rest at row 100: without a calibration that would be over by then
+  std::vector<double> reference(2 * 200, 0.0);
+  for (int k = 100; k < 200; ++k) reference[2 * k] = 0.5;
   c.cost.reference = reference.data();
-  c.cost.reference_steps = 100;
+  c.cost.reference_steps = 200;
   Loop loop(c, plant);
   const tiller_box_t box = box_of(kLow, kHigh);
   ASSERT_EQ(tiller_calibrate(loop.controller(), &box, 60), tiller_status_ok);
   loop.activate(1);
-  loop.run(75);
-  EXPECT_LT(std::fabs(plant.angle_rad), 0.35);
-  loop.run(120);
+  loop.run(110);
+  EXPECT_LT(std::fabs(plant.angle_rad), 0.25);
+  loop.run(150);
   EXPECT_NEAR(plant.angle_rad, 0.5, 0.15);
 }
 
@@ -210,6 +209,49 @@ TEST(Probe, BrokenSensorsStopACalibration) {
     (void)loop.tick(&m);
   }
   EXPECT_EQ(loop.state(), tiller_state_safe);
+  EXPECT_TRUE(loop.commands_allowed());
+}
+
+/// A joint may have a velocity alone, and an attitude four states.
+TEST(Probe, AQuadrotorIsCalibratedWithinItsTilt) {
+  class Still : public rig::Plant {
+   public:
+    void step(const double*, double) override {}
+    void measure(double* value) const override { value[3] = 1.0; }
+  };
+  tiller::Config c;
+  ASSERT_EQ(tiller_config_default(&c, tiller_find_model("quadrotor")), tiller_status_ok);
+  const double nominal[] = {0.8, 0.17, 0.005, 0.005, 0.009, 0.016, 0.1};
+  for (int i = 0; i < 7; ++i) c.priors[i] = {tiller_prior_fixed, 0, nominal[i], 0.0, -HUGE_VAL, HUGE_VAL};
+  c.priors[0] = {tiller_prior_uniform, 0, 0.0, 0.0, 0.5, 1.1};
+  c.measurement_count = 7;
+  for (std::uint8_t i = 0; i < 7; ++i) c.measured_state[i] = i;
+  std::fill(c.measurement_sd, c.measurement_sd + 7, 0.002);
+  std::fill(c.cost.state_weight, c.cost.state_weight + 3, 10.0);
+  std::fill(c.cost.input_weight, c.cost.input_weight + 4, 0.01);
+  std::fill(c.safety.input_high, c.safety.input_high + 4, 5.0);
+  c.planner.kind = tiller_planner_mppi;
+  c.planner.horizon = 20;
+  c.planner.rollouts = 64;
+  c.safety.frozen_ticks = 0;
+  c.posterior.adequacy = 0;
+  c.probe.weight = 1.0;
+  Still plant;
+  Loop loop(c, plant);
+  ASSERT_TRUE(loop.ready());
+  double low[13], high[13];
+  std::fill(low, low + 13, -1.0);
+  std::fill(high, high + 13, 1.0);
+  const tiller_box_t box = box_of(low, high);
+  ASSERT_EQ(tiller_calibrate(loop.controller(), &box, 20), tiller_status_ok);
+  loop.activate(1);
+  int calibrating = 0;
+  for (int k = 0; k < 10 && loop.state() == tiller_state_active; ++k) {
+    (void)loop.tick();
+    calibrating += loop.info().probing == static_cast<std::uint32_t>(tiller_probing_calibrate);
+    EXPECT_TRUE(std::isfinite(loop.info().probe_information));
+  }
+  EXPECT_GT(calibrating, 0);
   EXPECT_TRUE(loop.commands_allowed());
 }
 

@@ -96,7 +96,8 @@ struct Bandit {
 constexpr int kGrid = 100, kNodes = 21;
 
 /// Value of a policy (whether to pull the risky arm) by dynamic programming over the belief that it pays `high`.
-double bandit_value(const Bandit& b, double start, const std::function<bool(int left, double belief, double risky)>& pulls_risky) {
+double bandit_value(const Bandit& b, double start,
+                    const std::function<bool(int left, double belief, double risky)>& pulls_risky) {
   std::vector<double> next(kGrid + 1, 0.0), value(kGrid + 1);
   const auto at = [&](const std::vector<double>& v, double belief) {
     const double x = belief * kGrid;
@@ -157,7 +158,8 @@ TEST(ProbeValue, ABanditIsPlayedWithinTwoPercentOfTheOptimum) {
     for (const double noise : {0.3, 0.5, 0.8})
       for (const int pulls : {5, 20, 60}) {
         const Bandit b{0.5, 0.2, 0.8, noise, pulls};
-        const double best = bandit_value(b, belief, [&](int left, double, double risky) { return risky > b.safe * left; });
+        const double best =
+            bandit_value(b, belief, [&](int left, double, double risky) { return risky > b.safe * left; });
         const double probing = bandit_value(b, belief, [&](int left, double p, double) { return probes(b, left, p); });
         const double passive = b.safe * pulls;  // never learns: the safe arm is better on average
         EXPECT_GE(probing, 0.98 * best) << belief << " " << noise << " " << pulls << " passive " << passive;

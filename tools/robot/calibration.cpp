@@ -20,8 +20,9 @@ bool allow_calibration(RobotFile& robot, std::string& error) {
   Config& config = robot.config;
   const std::string begin = robot.path + ": --calibrate: ";
   if (!anything_to_learn(config)) {
-    error = begin + "there is nothing to learn (no parameter has a prior, or the posterior is frozen); give one a prior "
-                    "below [parameters]";
+    error = begin +
+            "there is nothing to learn (no parameter has a prior, or the posterior is frozen); give one a prior "
+            "below [parameters]";
     return false;
   }
   const CalibrationSection& box = robot.calibration;

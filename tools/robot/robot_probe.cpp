@@ -9,6 +9,8 @@ namespace {
 
 void read_until_sd(SectionReader& probe, RobotFile& robot) {
   probe.numbers("until_sd", robot.names.params, "parameter", robot.config.until_sd);
+  // a prior that could not be read is told where it stands
+  if (probe.errors().has_below("parameters") || probe.errors().has_below("effects")) return;
   for (std::size_t i = 0; i < robot.names.params.size(); ++i)
     if (std::isfinite(robot.config.until_sd[i]) && robot.config.priors[i].kind == tiller_prior_fixed)
       probe.error("until_sd", "names \"" + robot.names.params[i] + "\", which is known",
@@ -18,7 +20,9 @@ void read_until_sd(SectionReader& probe, RobotFile& robot) {
 /// [low, high] of a state or an input.
 bool read_interval(SectionReader& probe, const std::string& name, const toml::node& node, double& low, double& high) {
   const toml::array* pair = node.as_array();
-  const auto number = [&](std::size_t i) { return pair && pair->size() == 2 ? (*pair)[i].value<double>() : std::nullopt; };
+  const auto number = [&](std::size_t i) {
+    return pair && pair->size() == 2 ? (*pair)[i].value<double>() : std::nullopt;
+  };
   const std::optional<double> from = number(0), to = number(1);
   if (!from || !to || !(*from < *to)) {
     probe.error("box", "\"" + name + "\" has no interval", "write " + name + " = [low, high], low first");

@@ -53,6 +53,7 @@ Json facts(const RobotFile& robot, const RunResult& result) {
               {"adequacy", adequacy_text(robot, result)},
               {"logs", log_text(result.log)},
               {"lanes", tiller_instruction_set()}};
+  if (const std::string probing = probing_text(result.info); !probing.empty()) all["probing"] = probing;
   for (const std::string& line : friction_lines(robot, result.info)) {
     const std::size_t comma = line.find(", ");
     all[line.substr(0, comma)] = line.substr(comma + 2);

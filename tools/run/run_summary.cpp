@@ -202,6 +202,12 @@ Words run_edges(const RobotFile& robot, const RunResult& result) {
   return texts;
 }
 
+std::string probing_text(const tiller_info_t& info) {
+  if (info.probed_ticks == 0) return "";
+  return format("probed in %llu ticks, at %.3g of the %.3g that the budget allowed (docs/theory/probing.md)",
+                static_cast<unsigned long long>(info.probed_ticks), info.probe_spent, info.probe_allowed);
+}
+
 std::string summary(const RobotFile& robot, const RunOptions& options, const RunResult& result) {
   std::string text = format(
       "%.2f s, %llu ticks, ended in %s%s\n", result.time_s, static_cast<unsigned long long>(result.ticks),
@@ -212,6 +218,7 @@ std::string summary(const RobotFile& robot, const RunOptions& options, const Run
   if (result.info.relearned > 0)
     text += format("  the robot seemed to have changed: learnt again %llu times (docs/theory/posterior.md, relearn)\n",
                    static_cast<unsigned long long>(result.info.relearned));
+  if (const std::string probing = probing_text(result.info); !probing.empty()) text += "  " + probing + "\n";
   text += tick_line(robot, result) + log_line(result.log);
   return options.real_time ? text + pace_lines(robot, result.pace) : text;
 }

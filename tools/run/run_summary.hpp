@@ -6,6 +6,8 @@
 
 namespace tiller::tools {
 
+/// How often plans were probed, and at what cost; empty: never.
+std::string probing_text(const tiller_info_t& info);
 /// The last lines of a run: state, posterior (beside the truth where it is known), tick times.
 std::string summary(const RobotFile& robot, const RunOptions& options, const RunResult& result);
 /// A sentence for every parameter whose posterior stands on its prior's edge (find_prior_edge).

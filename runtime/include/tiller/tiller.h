@@ -281,7 +281,7 @@ typedef struct tiller_probe_config {
   double budget;       /**< share of the task's cost that probing may add, in [0, 10] */
   double risk;         /**< probability at which a probing plan may leave the bounds of states, in (0, 0.5] */
   uint32_t hypotheses; /**< drawn from the posterior to judge by, 2..32; 0: those of the planner, 8 where it has fewer than 4 */
-  uint32_t rollouts;   /**< motions tried on each of them in a tick, a multiple of 32, 32..1024 */
+  uint32_t rollouts;   /**< motions tried on each of them in a tick, a multiple of 64, 64..1024 */
   const double* until_sd; /**< (param_count) probing ends once each parameter's deviation is below this; INFINITY: it has
                                no say; scales; null: it ends where nothing is to be gained. Copied by tiller_init */
 } tiller_probe_config_t;
