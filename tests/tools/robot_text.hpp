@@ -50,7 +50,7 @@ noise_sd = { force_N = 8 }
 [probe]
 budget = 0.2
 until_sd = { pole_mass_kg = 0.01 }
-box = { position_m = [-0.5, 0.5], force_N = [-5, 5] }
+box = { rate_rad_s = [-5, 5], force_N = [-5, 5] }
 [cost]
 target = { angle_rad = 0 }
 state_weight = { angle_rad = 4.0 }
