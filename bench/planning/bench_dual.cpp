@@ -89,8 +89,9 @@ void report(bench::Table& table, const DualTask& task, const std::vector<std::ve
         s.sd, s.tick_us);
   }
   std::printf("  probed in %.1f ticks, by its own account at %.3g\n", probing.probed, probing.spent);
-  table.row("excess of probing over that of passive", (probing.cost - oracle.cost) / (passive.cost - oracle.cost), "",
-            bench::at_most(kShareGoal));
+  // where the oracle is no better than passive planning, its planner is what fails: no share, and the row is short
+  const double share = passive.cost > oracle.cost ? (probing.cost - oracle.cost) / (passive.cost - oracle.cost) : NAN;
+  table.row("excess of probing over that of passive", share, "", bench::at_most(kShareGoal));
   table.row("success less that of passive", probing.success - passive.success, "", bench::at_least(0.0));
   table.row("runs that pass a bound", probing.violated, "", bench::at_most(task.config.probe.risk));
   table.row("runs within the budget of their passive one", probing.within, "", bench::at_least(kWithinGoal));

@@ -56,7 +56,10 @@ const std::vector<CalibrationTask>& calibration_tasks() {
   static const std::vector<CalibrationTask> tasks = {
       {"pendulum", {{"angle_rad", -0.8, 0.8}, {"rate_rad_s", -6.0, 6.0}}},
       {"two_link_arm",
-       {{"shoulder_rad", -0.3, 0.9}, {"elbow_rad", -0.1, 1.1}, {"shoulder_rad_s", -4.0, 4.0}, {"elbow_rad_s", -4.0, 4.0}}},
+       {{"shoulder_rad", -0.3, 0.9},
+        {"elbow_rad", -0.1, 1.1},
+        {"shoulder_rad_s", -4.0, 4.0},
+        {"elbow_rad_s", -4.0, 4.0}}},
       {"quadrotor",
        {{"x_m", -0.5, 0.5},
         {"y_m", -0.5, 0.5},

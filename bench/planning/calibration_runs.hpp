@@ -22,10 +22,10 @@ struct CalibrationTask {
 const std::vector<CalibrationTask>& calibration_tasks();
 
 struct CalibrationRun {
-  std::vector<double> sd;    ///< of the parameters with a prior, at the end
-  double outside = 0.0;      ///< share of the ticks in which the true state is outside of the box
-  double tick_us = 0.0;      ///< mean
-  double error_sd = 0.0;     ///< largest error of a mean, in its deviations
+  std::vector<double> sd;  ///< of the parameters with a prior, at the end
+  double outside = 0.0;    ///< share of the ticks in which the true state is outside of the box
+  double tick_us = 0.0;    ///< mean
+  double error_sd = 0.0;   ///< largest error of a mean, in its deviations
 };
 
 /// `by_hand`: the planner follows sums of four sines (0.3, 0.7, 1.1 and 1.7 Hz, phases by the seed) in the positions

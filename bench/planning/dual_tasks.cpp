@@ -50,7 +50,7 @@ std::vector<double> hold(std::uint32_t ticks, std::initializer_list<double> targ
   return rows;
 }
 
-/// The task's cost: target of the row, weights, soft bounds, the outputs' bounds.
+/// The task's cost: target of the row, weights, soft bounds beyond their slack, the outputs' bounds.
 double task_cost(const DualTask& task, const std::vector<double>& truth, std::uint32_t tick, const double* x,
                  const double* u) {
   const tiller_config_t& c = task.config;
@@ -58,7 +58,8 @@ double task_cost(const DualTask& task, const std::vector<double>& truth, std::ui
   double sum = 0.0, far = 0.0;
   for (std::uint32_t i = 0; i < model.state_count; ++i) {
     const double d = state_difference(model, i, x[i], task.reference[std::size_t{tick} * model.state_count + i]);
-    const double out = std::max({0.0, task.config.state_low[i] - x[i], x[i] - task.config.state_high[i]});
+    const double out =
+        std::max({0.0, task.config.state_low[i] - task.slack - x[i], x[i] - task.config.state_high[i] - task.slack});
     sum += c.cost.state_weight[i] * d * d + task.config.bound_weight[i] * (out > 0.0 ? out * out : 0.0);
   }
   for (std::uint32_t i = 0; i < model.state_count; ++i) {

@@ -35,15 +35,16 @@ void Probing::calibrate(const ProbeBox& box, std::uint32_t periods) {
   prober_.reset();
 }
 
-/// Whether nothing is left that is wished to be known; without wishes, what plans gain decides.
+/// Whether nothing is left to be known, or to be known better than is wished; without wishes, what plans gain decides.
 bool Probing::known(const tiller_info_t& info) const {
-  bool wishes = false;
-  for (std::uint32_t i = 0; until_sd_ && i < config_.param_count; ++i) {
-    if (!std::isfinite(until_sd_[i])) continue;
+  bool wishes = false, unknown = false;
+  for (std::uint32_t i = 0; i < config_.param_count; ++i) {
+    unknown = unknown || info.param_sd[i] > 0.0;
+    if (!until_sd_ || !std::isfinite(until_sd_[i])) continue;
     wishes = true;
     if (info.param_sd[i] > until_sd_[i]) return false;
   }
-  return wishes;
+  return wishes || !unknown;
 }
 
 const float* Probing::choose(const Posterior& posterior, const CommandTimeline& timeline, const Moment& moment,
@@ -72,7 +73,7 @@ const float* Probing::choose(const Posterior& posterior, const CommandTimeline& 
   if (calibrates) info.calibration_left = --left_;
   if (result.probes) {
     info.probing = calibrates ? tiller_probing_calibrate : tiller_probing_plan;
-    ++info.probed_ticks;
+    info.probed_ticks += calibrates ? 0 : 1;
     info.probe_spent += result.step_cost;
     for (std::uint32_t i = 0; i < config_.model->input_count; ++i)
       command[i] = static_cast<double>(prober_.sequence()[i]);

@@ -14,6 +14,7 @@ namespace {
 constexpr float kWorst = 1e30f;  // of a motion that is not finite
 // A saving below this share of the plan's cost is within what sampled plans differ by from tick to tick.
 constexpr double kLeastSaving = 0.01;
+constexpr double kCautious = 0.03;   // share of a plan's cost that it may regret before another is looked for
 constexpr std::uint32_t kRest = 3;   // periods between two looks where there is nothing to gain
 constexpr double kFolds = 5.0;       // log2 from the widest to the finest of the samples
 constexpr double kRefined = 0.15;    // width of the second round, of the first
@@ -517,7 +518,7 @@ bool Prober::needs_to_know(ProbeResult& result) {
   for (std::uint32_t m = 0; m < hypotheses_; ++m) planned += share() * table_cost_[m];
   result.plan_cost = planned;
   usual_cost_ += (std::fmin(planned, static_cast<double>(kWorst)) - usual_cost_) / static_cast<double>(++searches_);
-  if (regrets_.ignorance > least_saving(planned)) return true;
+  if (regrets_.ignorance > least_saving(planned) || regrets_.hedged > kCautious * planned) return true;
   resting_ = kRest;
   sent_ = has_best_ = false;
   return false;
@@ -587,7 +588,8 @@ ProbeResult Prober::search(const ProbeTask& task) {
   result.cost = std::fmax(chosen_.told - own_.told, 0.0);
   result.value = own_.cost - chosen_.cost + result.cost;
   const double least = least_saving(own_.cost);
-  result.probes = sent_ = own_.ignorance > least && own_.cost - chosen_.cost > (was_sent ? 0.0 : least);
+  const bool needs = own_.ignorance > least || regrets_.hedged > kCautious * own_.cost;
+  result.probes = sent_ = needs && own_.cost - chosen_.cost > (was_sent ? 0.0 : least);
   if (result.probes) result.step_cost = std::fmin(std::fmax(switched_cost() - own_.told, 0.0), result.cost);
   return result;
 }

@@ -23,6 +23,9 @@ With [posterior] disturbance "columns" has the forces beyond the model ("forces"
 force.mean.* and force.sd.*; "contacts" their limits. Those at a frame ("tip_x_N") are empty where joints do not tell
 them.
 
+With [probe] the log has probing (1: a plan that finds out, 2: a calibration), probe_value, probe_cost, probe_spent and
+probe_allowed.
+
 With [planner] predict_spread the log has foreseen.mean.* and foreseen.sd.*, of each row's state "foreseen_s" before.
 
 Where the robot file has a [figure], "figure" holds it: its links with all values as sums of [factor, name], and the
@@ -419,8 +422,60 @@ def input_figure(run: Run, name: str) -> str:
     return page.svg(figure)
 
 
+def _spans(run: Run, kind: int) -> list[tuple[float, float]]:
+    """From when to when commands were of that kind (1: probing, 2: calibrating)."""
+    column = run.column("probing")
+    if column is None:
+        return []
+    inside = np.concatenate([[False], column == kind, [False]])
+    edges = np.flatnonzero(inside[1:] != inside[:-1])
+    ends = np.append(run.time[1:], run.time[-1])
+    return [(run.time[begin], ends[end - 1]) for begin, end in zip(edges[::2], edges[1::2])]
+
+
+def _shade_probing(run: Run, ax) -> None:
+    for kind, colour, label in ((2, page.PREDICTIVE, "calibrating"), (1, page.BAND, "probing")):
+        for i, (begin, end) in enumerate(_spans(run, kind)):
+            ax.axvspan(begin, end, ymax=0.04, color=colour, linewidth=0, label=label if i == 0 else None)
+
+
+def probing_section(run: Run) -> str:
+    """What was moved for the sake of knowing, what it cost, and how far each parameter was known before and after."""
+    column = run.column("probing")
+    if column is None or not np.any(column > 0):
+        return ""
+    figure, ax = page.axes("account of probing", "cost")
+    ax.step(run.time, run.table["probe_allowed"], where="post", color=page.LIMIT, linestyle=(0, (5, 3)), label="allowed")
+    ax.step(run.time, run.table["probe_spent"], where="post", color=page.ESTIMATE, label="spent, as expected")
+    _shade_probing(run, ax)
+    ax.margins(x=0.01)
+    page.legend(ax)
+    account = page.svg(figure, "A plan is sent for what it tells only if what it adds to the cost is within the budget.")
+    figure, ax = page.axes("plans that were tried", "cost")
+    for name, label, colour in (("probe_value", "expected to save", page.TRUTH), ("probe_cost", "and to add", page.ESTIMATE)):
+        values = np.where(column == 1, run.table[name], np.nan)
+        _finite_line(ax, run.time, values, linestyle="", marker=".", color=colour, label=label)
+    _shade_probing(run, ax)
+    ax.margins(x=0.01)
+    page.legend(ax)
+    tried = page.svg(figure, "Of the plans that went out: what they were expected to save by what they tell.")
+    moved = np.flatnonzero(column > 0)
+    first, last = moved[0], moved[-1]
+    body = []
+    for name in run.params:
+        sd = run.table[f"sd.{name}"]
+        body.append([name, page.number(sd[first], 2), page.number(sd[last], 2), page.number(sd[-1], 2)])
+    period = float(np.median(np.diff(run.time)))
+    seconds = [f"{np.sum(column == kind) * period:.1f} s {what}" for kind, what in ((2, "calibrating"), (1, "probing"))
+               if np.any(column == kind)]
+    table = page.rows(["parameter", "sd when it began", "when it ended", "at the end"], body)
+    return f"<h2>What was found out on purpose</h2><p>{' and '.join(seconds)}.</p>" + table + page.grid(
+        [account, tried] if np.any(column == 1) else [])
+
+
 def param_figure(run: Run, name: str) -> str:
     figure, ax = page.axes(f"posterior of {name}", page.unit_label(name, run.units[name]))
+    _shade_probing(run, ax)
     cut = page.thin(len(run.time))
     time, mean = run.time[cut], run.table[f"mean.{name}"][cut]
     low, high = run.prior(name)
@@ -536,6 +591,7 @@ def build(run: Run) -> str:
         edges = [run.edge(name)["text"] for name in run.params if run.edge(name)]
         body += ["<h2>What was learnt</h2>", page.warnings(edges), param_table(run),
                  page.grid([param_figure(run, name) for name in run.params] + [spread_figure(run)])]
+    body.append(probing_section(run))
     body.append("<h2>How it moved</h2>")
     plane = run.meta.get("plane")
     body.append(page.grid(([path_figure(run, plane)] if plane else []) +
