@@ -305,6 +305,7 @@ Finding check_probe(const tiller_config_t& c) {
   constexpr tiller_status_t kBad = tiller_status_bad_planner;
   for (std::uint32_t i = 0; c.probe.until_sd && i < c.param_count; ++i)
     if (!is_scale_or_none(c.probe.until_sd[i])) return {kBad, fields[i]};
+  if (c.probe.hypotheses == 1) return {kBad, "probe.hypotheses"};
   const bool policy = c.probe.weight > 0.0 && c.planner.kind == tiller_planner_policy;
   return policy ? Finding{kBad, "probe.weight"} : kGood;
 }

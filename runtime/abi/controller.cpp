@@ -138,7 +138,7 @@ tiller_status_t tiller_set_reference(tiller_t* t, const double* states, const do
 tiller_status_t tiller_calibrate(tiller_t* t, const tiller_box_t* box, uint32_t periods) {
   if (t == nullptr || (box == nullptr && periods > 0)) return tiller_status_null_argument;
   if (!(t->executive->config().probe.weight > 0.0)) return tiller_status_bad_planner;
-  tiller::ProbeBox own;
+  tiller::ProbeBox own = {};
   if (periods > 0) {
     if (box->size != sizeof(tiller_box_t) || box->version != TILLER_CONFIG_VERSION)
       return tiller_status_version_mismatch;

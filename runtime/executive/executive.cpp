@@ -280,7 +280,11 @@ void Executive::plan(Tick& tick) {
     info_.plan_ns = clock_ns() - start_ns;
   }
   count_hold(tick);
-  if (was_moving_ && !moving()) probing_.end(info_);
+  if (machine_.state() == tiller_state_safe || (was_moving_ && !moving())) probing_.end(info_);
+  if (moving() && probing_.calibrating()) {
+    probing_.pass_period(info_);
+    task_tick_ = info_.ticks + 1;  // the task begins behind it
+  }
   was_moving_ = moving();
   forced_iterations_ = kNotForced;
 }
@@ -301,7 +305,6 @@ void Executive::replan(Tick& tick) {
   const double ahead_s = static_cast<double>(elapsed_us(effective_at_us(tick), stamp_us_)) * 1e-6;
   const double bounded_s = std::min(ahead_s, kLongestLead_periods * config_.period_s);
   belief_.draw(*posterior_, timeline_, info_.ticks, stamp_us_, bounded_s);
-  if (probing_.calibrating()) task_tick_ = info_.ticks;  // the task begins behind it
 
   PlanRequest request;
   request.belief = &belief_.belief();
@@ -351,7 +354,10 @@ void Executive::replan(Tick& tick) {
 const float* Executive::probe(Tick& tick, const PlanRequest& request, const PlanResult& result, double ahead_s) {
   const float* const sequence = planner_table_->sequence(planner_);
   const bool cut = result.iterations < config_.planner.iterations && !planner_table_->converges;
-  if (!probing_.on() || cut || result.status != tiller_status_ok || info_.touched != 0) return sequence;
+  if (!probing_.on() || cut || result.status != tiller_status_ok || info_.touched != 0) {
+    probing_.keep_in_box(tick.wanted);
+    return sequence;
+  }
   return probing_.choose(*posterior_, timeline_, {stamp_us_, ahead_s, belief_.lead_periods()}, request, sequence,
                          tick.wanted, info_);
 }

@@ -13,7 +13,7 @@ tiller_status_t Executive::arm() {
 
 /// The next motion starts again even where no tick has seen the robot stand still in between.
 void Executive::end_motion() {
-  if (was_moving_) probing_.end(info_);
+  probing_.end(info_);
   was_moving_ = false;
   motion_.clear();
 }

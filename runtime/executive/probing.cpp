@@ -24,6 +24,15 @@ void Probing::begin(tiller_info_t& info) {
   info.probe_spent = info.probe_allowed = 0.0;
 }
 
+void Probing::pass_period(tiller_info_t& info) {
+  if (left_ > 0) info.calibration_left = --left_;
+}
+
+void Probing::keep_in_box(double* command) const {
+  for (std::uint32_t i = 0; left_ > 0 && i < config_.model->input_count; ++i)
+    command[i] = std::fmin(std::fmax(command[i], box_.input_low[i]), box_.input_high[i]);
+}
+
 void Probing::end(tiller_info_t& info) {
   left_ = info.calibration_left = 0;
   info.probing = tiller_probing_none;
@@ -38,6 +47,7 @@ void Probing::calibrate(const ProbeBox& box, std::uint32_t periods) {
 /// Whether nothing is left to be known, or to be known better than is wished; without wishes, what plans gain decides.
 bool Probing::known(const tiller_info_t& info) const {
   bool wishes = false, unknown = false;
+  if (config_.posterior.enabled == 0) return true;  // what is found out would be forgotten
   for (std::uint32_t i = 0; i < config_.param_count; ++i) {
     unknown = unknown || info.param_sd[i] > 0.0;
     if (!until_sd_ || !std::isfinite(until_sd_[i])) continue;
@@ -51,15 +61,19 @@ const float* Probing::choose(const Posterior& posterior, const CommandTimeline& 
                              const PlanRequest& request, const float* sequence, double* command, tiller_info_t& info) {
   info.probing = tiller_probing_none;
   info.probe_value = info.probe_cost = info.probe_information = 0.0;
-  if (known(info)) left_ = 0;
+  // the box is kept under the model, so not under one that is rejected
+  if (known(info) || request.doubted) left_ = 0;
   info.calibration_left = left_;
-  if (!on_ || (left_ == 0 && known(info))) return sequence;
   const bool calibrates = left_ > 0;
+  const bool probes = config_.probe.weight > TILLER_SMALLEST_WEIGHT && !known(info) && !request.doubted;
+  if (!calibrates && !probes) return sequence;
   // of the planner's stream: as many as it has are the same ones
   belief_.draw(posterior, timeline, request.tick, moment.stamp_us, moment.ahead_s);
   PlanRequest own = request;
   own.belief = &belief_.belief();
-  own.task_step += belief_.lead_periods() - moment.lead_periods;  // these are brought forward over delays
+  // these are brought forward over delays, and the planner's may be
+  own.task_step = request.task_step + belief_.lead_periods();
+  own.task_step -= std::min<std::uint64_t>(own.task_step, moment.lead_periods);
   ProbeTask task;
   task.plan = &own;
   task.sequence = sequence;
@@ -70,7 +84,6 @@ const float* Probing::choose(const Posterior& posterior, const CommandTimeline& 
   info.probe_value = result.value;
   info.probe_cost = result.cost;
   info.probe_information = result.information;
-  if (calibrates) info.calibration_left = --left_;
   if (result.probes) {
     info.probing = calibrates ? tiller_probing_calibrate : tiller_probing_plan;
     info.probed_ticks += calibrates ? 0 : 1;

@@ -19,6 +19,10 @@ class Probing {
   bool on() const { return on_; }
   /// Motion begins: nothing is spent, nothing is known of plans before.
   void begin(tiller_info_t& info);
+  /// A period of motion is over.
+  void pass_period(tiller_info_t& info);
+  /// A command of a tick that has no time to look, while it calibrates.
+  void keep_in_box(double* command) const;
   /// Motion is over, and a calibration with it.
   void end(tiller_info_t& info);
   /// The next `periods` of motion calibrate in the box; 0: none do.

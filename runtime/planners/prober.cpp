@@ -200,6 +200,15 @@ void Prober::take_limits(const ProbeTask& task) {
     limit.high = task.box ? task.box->input_high[i] : config_->safety.input_high[i];
     limit.step = config_->safety.input_rate_per_s[i] * config_->period_s;
   }
+  // a command in force that lies outside of a box is led back as its rate allows
+  for (std::uint32_t i = 0; i < nu_; ++i) {
+    wish_low_[i] = limits_[i].low;
+    wish_high_[i] = limits_[i].high;
+    const double last = task.plan->last_command ? task.plan->last_command[i] : config_->safety.safe_command[i];
+    if (!(last >= config_->safety.input_low[i] && last <= config_->safety.input_high[i])) continue;
+    limits_[i].low = std::fmin(limits_[i].low, last);
+    limits_[i].high = std::fmax(limits_[i].high, last);
+  }
   admit_commands(limits_, cones_, nu_, task.plan->last_command, config_->safety.safe_command, start_);
   for (std::uint32_t i = 0; i < nu_; ++i)
     start_lanes_[i] = static_cast<float>(task.plan->last_command ? task.plan->last_command[i] : start_[i]);
@@ -248,7 +257,10 @@ void Prober::place_wish(std::uint32_t lane, const double* wish) {
   double last[TILLER_MAX_INPUTS];
   std::copy(start_, start_ + nu_, last);
   for (std::uint32_t step = 0; step < horizon_; ++step) {
-    limit_commands(limits_, cones_, nu_, wish + std::size_t{step} * nu_, last);
+    double within[TILLER_MAX_INPUTS];
+    for (std::uint32_t i = 0; i < nu_; ++i)
+      within[i] = std::fmin(std::fmax(wish[std::size_t{step} * nu_ + i], wish_low_[i]), wish_high_[i]);
+    limit_commands(limits_, cones_, nu_, within, last);
     for (std::uint32_t i = 0; i < nu_; ++i)
       controls_[(std::size_t{step} * nu_ + i) * kBatch + lane] = static_cast<float>(last[i]);
   }
@@ -266,9 +278,8 @@ void Prober::place_all(const float* sequence) {
     std::fill(controls_ + at * kBatch + 1, controls_ + (at + 1) * kBatch, controls_[at * kBatch]);
 }
 
-/// A sample around a sequence: at knots over the horizon (most lanes), or while a probing
-/// motion lasts. The
-/// lanes' widths run geometrically over the batch.
+/// A sample around a sequence: at knots over the horizon (most lanes), or while a probing motion lasts. The lanes' widths
+/// run geometrically over the batch.
 void Prober::draw(Rng& rng, std::uint32_t lane, const float* around, const Spread& spread) {
   double* const wish = wish_;
   double knot[kMostKnots];
@@ -278,7 +289,7 @@ void Prober::draw(Rng& rng, std::uint32_t lane, const float* around, const Sprea
   const bool square = calibrates_ && lane % 3 == 2;
   const double width = spread.widest * math::exp(-0.6931471805599453 * kFolds * (lane % 8) / 7.0);
   for (std::uint32_t i = 0; i < nu_; ++i) {
-    const double half = 0.5 * (limits_[i].high - limits_[i].low);
+    const double half = 0.5 * (wish_high_[i] - wish_low_[i]);
     for (std::uint32_t k = 0; k < knots_; ++k) knot[k] = width * half * rng.normal();
     // what tells most of parameters is often a square wave
     const double waves = math::exp(rng.uniform() * math::log(0.25 * span + 1.0)), phase = rng.uniform();
@@ -380,6 +391,8 @@ void Prober::measure_beyond() {
         const double at = static_cast<double>(x[l]);
         const double out = beyond_bound((high_[b] - at) / sd) + beyond_bound((at - low_[b]) / sd);
         row[l] += static_cast<float>(share() * std::fmin(out, 1.0));
+        // how far outside, for what is: deviations, added up over the steps
+        beyond_[l] += static_cast<float>(std::fmax(0.0, std::fmax(at - high_[b], low_[b] - at) / sd));
       }
     }
   }
@@ -447,7 +460,8 @@ Prober::Score Prober::score(std::uint32_t lane) const {
     for (std::uint32_t i = 0; i < hypotheses_; ++i)
       for (std::uint32_t j = calibrates_ ? i : i + 1; j < hypotheses_; ++j) {
         const std::size_t at = std::size_t{i} * hypotheses_ + j;
-        pairs[at] = static_cast<double>(apart_[(stage * square + at) * kBatch + lane]);
+        pairs[at] = pairs[std::size_t{j} * hypotheses_ + i] =
+            static_cast<double>(apart_[(stage * square + at) * kBatch + lane]);
         if (!std::isfinite(pairs[at])) return s;
       }
     if (calibrates_) continue;
@@ -477,11 +491,12 @@ void Prober::consider(std::uint32_t first, std::uint32_t end) {
     Score s = score(l);
     if (!std::isfinite(s.gain)) continue;
     const bool inside = s.beyond <= std::fmax(config_->probe.risk, calibrates_ ? 0.0 : own_.beyond);
-    if (!calibrates_ && (!inside || s.told - own_.told > task_->most_cost + task_->budget * own_.cost)) continue;
-    // from outside of the box the way back comes first
-    if (calibrates_ && !inside) s.gain = -s.beyond;
+    if (!calibrates_ && (!inside || s.told - own_.told > task_->most_cost + task_->budget * std::fabs(own_.cost)))
+      continue;
+    // from outside of the box the way back comes first: every motion inside is better than any that is not
+    if (calibrates_ && !inside) s.gain = -1.0 - static_cast<double>(beyond_[l]);
     // what is under way goes on unless another is better by more than samples differ: two that take turns tell nothing
-    const double ahead = !calibrates_ && goes_on_ ? kLeastSaving * own_.cost : 0.0;
+    const double ahead = !calibrates_ && goes_on_ ? kLeastSaving * std::fabs(own_.cost) : 0.0;
     if (has_best_ && !(s.gain > chosen_.gain + ahead)) continue;
     if (has_best_) goes_on_ = false;
     chosen_ = s;
@@ -509,7 +524,7 @@ double Prober::switched_cost() {
 
 /// A saving that is worth a change of plan: of what plans cost on average, for at rest at its goal a robot has a small
 /// cost, whose hundredth is nothing.
-double Prober::least_saving(double cost) const { return kLeastSaving * std::fmax(cost, usual_cost_); }
+double Prober::least_saving(double cost) const { return kLeastSaving * std::fmax(std::fabs(cost), usual_cost_); }
 
 /// Whether perfect information would save enough; if not, nothing is looked for until some periods later, and what was
 /// found before is forgotten.
@@ -517,8 +532,10 @@ bool Prober::needs_to_know(ProbeResult& result) {
   double planned = 0.0;
   for (std::uint32_t m = 0; m < hypotheses_; ++m) planned += share() * table_cost_[m];
   result.plan_cost = planned;
-  usual_cost_ += (std::fmin(planned, static_cast<double>(kWorst)) - usual_cost_) / static_cast<double>(++searches_);
-  if (regrets_.ignorance > least_saving(planned) || regrets_.hedged > kCautious * planned) return true;
+  // one that is not finite on a hypothesis says nothing of what plans cost
+  if (planned * hypotheses_ < static_cast<double>(kWorst))
+    usual_cost_ += (std::fabs(planned) - usual_cost_) / static_cast<double>(++searches_);
+  if (regrets_.ignorance > least_saving(planned) || regrets_.hedged > kCautious * std::fabs(planned)) return true;
   resting_ = kRest;
   sent_ = has_best_ = false;
   return false;
@@ -588,7 +605,7 @@ ProbeResult Prober::search(const ProbeTask& task) {
   result.cost = std::fmax(chosen_.told - own_.told, 0.0);
   result.value = own_.cost - chosen_.cost + result.cost;
   const double least = least_saving(own_.cost);
-  const bool needs = own_.ignorance > least || regrets_.hedged > kCautious * own_.cost;
+  const bool needs = own_.ignorance > least || regrets_.hedged > kCautious * std::fabs(own_.cost);
   result.probes = sent_ = needs && own_.cost - chosen_.cost > (was_sent ? 0.0 : least);
   if (result.probes) result.step_cost = std::fmin(std::fmax(switched_cost() - own_.told, 0.0), result.cost);
   return result;

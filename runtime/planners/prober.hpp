@@ -155,6 +155,7 @@ class Prober {
   double ignorant_ = 0.0;
   InputLimit limits_[TILLER_MAX_INPUTS];
   double start_[TILLER_MAX_INPUTS] = {};
+  double wish_low_[TILLER_MAX_INPUTS] = {}, wish_high_[TILLER_MAX_INPUTS] = {};  // of what may be asked for
   float start_lanes_[TILLER_MAX_INPUTS] = {};
   RegretTable regrets_;
   bool goes_on_ = false;       // the best one is that of the tick before
@@ -169,7 +170,7 @@ class Prober {
   float* controls_ = nullptr;      // (horizon * nu x kBatch)
   float* trajectory_ = nullptr;    // ((horizon + 1) * nx x kBatch)
   float* signal_ = nullptr;        // (M x horizon * signals x kBatch)
-  float* beyond_ = nullptr;        // (horizon + 1 x kBatch) probability of being beyond a bound
+  float* beyond_ = nullptr;        // (horizon + 1 x kBatch) probability of being beyond a bound; row 0: how far beyond
   float* batch_cost_ = nullptr;    // (M x kBatch) blind
   float* told_cost_ = nullptr;     // (stages x kBatch) mean over the hypotheses
   float* blind_ = nullptr;         // (horizon * nu x kBatch) the batch's own inputs

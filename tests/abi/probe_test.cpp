@@ -171,6 +171,39 @@ TEST(Probe, SafeEndsACalibrationAndRefusesOne) {
   EXPECT_EQ(tiller_calibrate(loop.controller(), &box, 10), tiller_status_wrong_state);
 }
 
+TEST(Probe, FromOutsideOfTheBoxTheWayBackComesFirst) {
+  PendulumPlant plant;
+  plant.angle_rad = 1.1;
+  tiller::Config c = rig::pendulum_config();  // whose task leads further away
+  c.probe.weight = 1.0;
+  c.initial_state[0] = 1.1;
+  Loop loop(c, plant);
+  const tiller_box_t box = box_of(kLow, kHigh);
+  ASSERT_EQ(tiller_calibrate(loop.controller(), &box, 200), tiller_status_ok);
+  loop.activate(1);
+  loop.run(50);
+  double farthest = 0.0;
+  for (int k = 0; k < 100; ++k) {
+    (void)loop.tick();
+    farthest = std::fmax(farthest, std::fabs(plant.angle_rad));
+  }
+  EXPECT_LE(farthest, kHigh[0] * 1.02);
+}
+
+TEST(Probe, ACalibrationThatWasAskedForDoesNotOutliveAStop) {
+  PendulumPlant plant;
+  Loop loop(resting_config(), plant);
+  const tiller_box_t box = box_of(kLow, kHigh);
+  ASSERT_EQ(tiller_calibrate(loop.controller(), &box, 100), tiller_status_ok);
+  ASSERT_EQ(tiller_stop(loop.controller(), tiller_status_stopped), tiller_status_ok);
+  (void)loop.tick();
+  ASSERT_EQ(tiller_reset(loop.controller()), tiller_status_ok);
+  loop.activate(1);
+  loop.run(5);
+  EXPECT_EQ(loop.info().calibration_left, 0u);
+  EXPECT_NE(loop.info().probing, static_cast<std::uint32_t>(tiller_probing_calibrate));
+}
+
 TEST(Probe, BadBoxesAreRefused) {
   PendulumPlant plant;
   Loop loop(resting_config(), plant);

@@ -77,7 +77,9 @@ def prepare():
     mine = page.split("```toml\n", 1)[1].split("```", 1)[0]
     (WORK / "my_robot.toml").write_text(mine, encoding="utf-8")
     pendulum = (SOURCE / "robots/pendulum.toml").read_text(encoding="utf-8")
-    (WORK / "robot.toml").write_text(f'{pendulum}\n[transport]\nkind = "lcm"\n', encoding="utf-8")
+    # calibrate.md draws this box
+    box = '[probe]\nbox = { "angle_rad" = [-0.8, 0.8], "rate_rad_s" = [-6, 6], "torque_Nm" = [-1.5, 1.5] }\n'
+    (WORK / "robot.toml").write_text(f'{pendulum}\n{box}[transport]\nkind = "lcm"\n', encoding="utf-8")
     # Logs of robots that have friction which their files do not name, one truth for all logs of a robot.
     for name, text, port in (("mine", mine, "cart"), ("pendulum", pendulum, "joint")):
         text = text.replace("draw = true", "")

@@ -57,7 +57,9 @@ int replay_command(Arguments a) {
                         : replay_through_file(*robot, run, options, result, error);
   if (!done) return complain(a.log + ": " + error);
   if (result.lost_calls > 0)
-    std::printf("%zu ticks: more than eight calls came before each, and the record kept eight\n", result.lost_calls);
+    std::printf(
+        "%zu ticks: more than eight calls came before each, of which the record kept eight, or a calibration without --calibrate\n",
+        result.lost_calls);
   std::fputs(divergence_text(*robot, run, result).c_str(), stdout);
   std::printf("%zu ticks replayed on %s, %zu different%s", result.ticks, lcm ? "LCM" : tiller_instruction_set(),
               result.different, run.holes.empty() ? "" : ", up to the log's first hole");
@@ -84,7 +86,7 @@ void add_replay_command(CLI::App& app, int& exit_code) {
       ->required();
   command->add_option("ROBOT", a->robot, "the robot file of that run; an MCAP carries it");
   command->add_option("--calibrate", a->calibrate_s, "the seconds that `tiller run --calibrate` was given")
-      ->check(number_between(0.001, 1e6));
+      ->check(number_between(0.001, 3600));
   command
       ->add_option("--tolerance", a->options.tolerance,
                    "largest difference of a command that counts as the same, in the input's unit (default: none, to "
@@ -97,7 +99,7 @@ void add_replay_command(CLI::App& app, int& exit_code) {
       ->check(CLI::IsMember({"file", "lcm"}));
   command->add_flag("--real-time", a->options.real_time, "at the pace of the log (default: as fast as it goes)");
   command->add_option("--patience", a->options.patience_s, "over LCM: wall time in s to wait for an answer")
-      ->check(number_between(0.001, 1e6));
+      ->check(number_between(0.001, 3600));
   add_override_options(*command, a->overrides);
   command->footer(
       "Bits are promised on the same instruction set and build; elsewhere, give a tolerance. Records and MCAP files hold\n"

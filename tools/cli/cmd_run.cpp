@@ -31,6 +31,7 @@ struct Arguments {
   bool sim = false, arm = false, lockstep = false, real_time = false, quiet = false;
   double seconds = 0;
   double calibrate_s = 0;
+  bool calibrates = false;
   double wait_s = 10, alarm_log_s = RecorderOptions().alarm_log_s;
   double patience_s = TransportLinkOptions::kPatience_s;
   bool online = false;  // the particles learn within the episodes of a refitted prior
@@ -175,7 +176,7 @@ EpisodesOptions episodes_options(const Arguments& a, const std::vector<Goal>& go
   options.run.files.alarm_log = a.alarm_log_s > 0 ? alarm_log_of(a) : "";
   options.run.files.alarm_log_s = a.alarm_log_s;
   options.run.first_wait_s = a.wait_s;
-  options.run.calibrate = a.calibrate_s > 0;
+  options.run.calibrate = a.calibrates;
   return options;
 }
 
@@ -245,8 +246,8 @@ bool prepare_refit(Arguments& a, RobotFile& robot) {
 
 /// The robot file's own length is that of [probe] calibrate_s.
 bool take_calibration(const Arguments& a, RobotFile& robot) {
-  if (!(a.calibrate_s > 0)) return true;
-  robot.calibration.seconds = a.calibrate_s;
+  if (!a.calibrates) return true;
+  if (a.calibrate_s > 0) robot.calibration.seconds = a.calibrate_s;
   std::string error;
   if (allow_calibration(robot, error)) return true;
   complain(error);
@@ -381,10 +382,12 @@ void add_run_command(CLI::App& app, int& exit_code) {
                    "end after this much robot time (default: at Ctrl-C); counts anew when a key or a message arms")
       ->check(number_between(0.001, 1e9));
   command
-      ->add_option("--calibrate", a->calibrate_s,
-                   "first move for so many s for learning alone: the motion that tells most of the parameters, inside "
-                   "of [probe] box, planned anew in every tick; then the task (docs/theory/probing.md)")
-      ->check(number_between(0.001, 1e6));
+      ->add_option(
+          "--calibrate", a->calibrate_s,
+          "S, or nothing for [probe] calibrate_s: first move for so many s for learning alone: the motion that tells most of the parameters, inside "
+          "of [probe] box, planned anew in every tick; then the task (docs/guide/calibrate.md)")
+      ->expected(0, 1)
+      ->check(number_between(0.001, 3600));
   command->add_option("--wait", a->wait_s, "wall time in s to wait for the first measurement")
       ->check(number_between(0.001, 1e9));
   command->add_option(
@@ -412,6 +415,7 @@ void add_run_command(CLI::App& app, int& exit_code) {
   add_override_options(*command, a->overrides);
   command->footer(kRunFooter);
   command->callback([a, command, known, &exit_code] {
+    a->calibrates = command->count("--calibrate") > 0;
     std::string wrong = misplaced_option(*command, known, a->refit.method, a->refit.how);
     if (wrong.empty()) wrong = contradicted_method(*a);
     exit_code = wrong.empty() ? run_command(*a) : complain(wrong);

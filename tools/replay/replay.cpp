@@ -28,7 +28,9 @@ bool repeat_calls(const RobotFile& robot, tiller_t* controller, const RecordEntr
       case tiller_call_stop: (void)tiller_stop(controller, static_cast<tiller_status_t>(entry.stop_status)); break;
       case tiller_call_reset: (void)tiller_reset(controller); break;
       case tiller_call_prepare: (void)tiller_prepare(controller); break;
-      case tiller_call_calibrate: (void)start_calibration(robot, controller); break;
+      case tiller_call_calibrate:
+        if (start_calibration(robot, controller) != tiller_status_ok) return false;
+        break;
       case tiller_call_goal:  // once for all: of several in a row the last one counts
         if (set_goal) break;
         if ((entry.goal & kGoalStates) != 0) (void)tiller_set_target(controller, entry.target);

@@ -14,6 +14,18 @@ bool anything_to_learn(const tiller_config_t& config) {
 
 bool is_interval(double low, double high) { return std::isfinite(low) && std::isfinite(high); }
 
+/// Whether a motion may lead away in this state: the position of a joint, and whatever is no joint's velocity, no heading
+/// and no attitude.
+bool leads_away(const tiller_model_t& model, std::uint32_t state) {
+  for (std::uint32_t j = 0; j < model.joint_count; ++j) {
+    if (model.joints[j].position == state) return true;
+    if (model.joints[j].velocity == state) return false;
+  }
+  for (std::uint32_t first = 0; first < model.state_count; ++first)
+    if (((model.quaternion_mask >> first) & 1u) != 0 && state >= first && state < first + 4) return false;
+  return ((model.angle_mask >> state) & 1u) == 0;
+}
+
 }  // namespace
 
 bool allow_calibration(RobotFile& robot, std::string& error) {
@@ -26,9 +38,8 @@ bool allow_calibration(RobotFile& robot, std::string& error) {
     return false;
   }
   const CalibrationSection& box = robot.calibration;
-  for (std::uint32_t j = 0; j < config.model->joint_count; ++j) {
-    const std::uint32_t i = config.model->joints[j].position;
-    if (i == TILLER_NO_POSITION || is_interval(box.state_low[i], box.state_high[i]) ||
+  for (std::uint32_t i = 0; i < config.model->state_count; ++i) {
+    if (!leads_away(*config.model, i) || is_interval(box.state_low[i], box.state_high[i]) ||
         is_interval(config.state_low[i], config.state_high[i]))
       continue;
     error = begin + "nothing says how far " + robot.names.states[i] + " may go; draw the box: [probe] box = { \"" +

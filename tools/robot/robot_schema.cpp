@@ -147,7 +147,7 @@ const std::vector<KeySpec> kOthers = {
     {"probe", "until_sd", K::other, "SI", "none", TILLER_SMALLEST_SCALE, TILLER_LARGEST_SCALE, false, hand, nullptr,
      "table: parameter name = deviation that is good enough; probing ends once all of these are reached. Left out: it "
      "ends where nothing is to be gained"},
-    {"probe", "calibrate_s", K::number, "s", "5", 1e-3, 1e6, false, hand, nullptr,
+    {"probe", "calibrate_s", K::number, "s", "5", 1e-3, 3600, false, hand, nullptr,
      "how long `tiller run --calibrate` moves for learning alone, before the task"},
     {"probe", "box", K::other, "SI", "none", 0, 0, false, hand, nullptr,
      "table: state or input = [low, high]; where a calibration may move. What is not named has the bounds of [cost] and "

@@ -277,7 +277,8 @@ typedef struct tiller_planner_config {
  *  looks for one that costs little more and tells the hypotheses apart before they want different inputs. It is sent in
  *  the plan's place while what it is expected to save is more than what it costs. See docs/theory/probing.md. */
 typedef struct tiller_probe_config {
-  double weight;       /**< of the expected saving against the cost; 1: as the horizon shows it; 0: no probing; weights */
+  double weight;       /**< of the expected saving against the cost; 1: as the horizon shows it; 0: no prober;
+                            TILLER_SMALLEST_WEIGHT: a prober for calibrations alone; weights */
   double budget;       /**< share of the task's cost that probing may add, in [0, 10] */
   double risk;         /**< probability at which a probing plan may leave the bounds of states, in (0, 0.5] */
   uint32_t hypotheses; /**< drawn from the posterior to judge by, 2..32; 0: those of the planner, 8 where it has fewer than 4 */
@@ -745,8 +746,9 @@ typedef struct tiller_box {
 
 /** The next `periods` in which the robot moves are for learning: the motion that tells most of the parameters inside of
  *  the box, planned anew in every tick, before the task begins (row 0 of a reference is due after it). It ends early
- *  once probe.until_sd is reached, and with motion itself. Where no motion stays in the box, the planner's own plan is
- *  sent. The box is copied; 0 periods end a calibration. bad_planner without a prober (probe.weight 0),
+ *  once probe.until_sd is reached, with an alarm of the adequacy test, and with motion itself. Where no motion stays in
+ *  the box, the one that leaves it least is sent; a tick without time to look has the planner's command, cut to the box.
+ *  The box is copied; 0 periods end a calibration. bad_planner without a prober (probe.weight 0),
  *  bad_limit for a box that is empty or outside of the limits, wrong_state in SAFE. */
 tiller_status_t tiller_calibrate(tiller_t* t, const tiller_box_t* box, uint32_t periods);
 
@@ -773,7 +775,8 @@ tiller_status_t tiller_get_contraction(const tiller_t* t, uint32_t* d, double* v
 uint32_t tiller_get_plan(const tiller_t* t, double* inputs, uint32_t steps);
 /** Feedback around the plan, from planners that have it (ilqr, sqp, hybrid; with closed_loop mppi, cem, random_shooting):
  *  u = input + gain (x - state) for plan step `step`. gain (nu x nx, row-major), state (nx), input (nu), each nullable.
- *  bad_planner where the planner has none, bad_dimension past the horizon. */
+ *  bad_planner where the planner has none, bad_dimension past the horizon. It is the planner's, also in ticks that send
+ *  another sequence (tiller_info_t.probing). */
 tiller_status_t tiller_get_feedback(const tiller_t* t, uint32_t step, double* gain, double* state, double* input);
 /** The state `step` periods after the last plan's first command takes effect, under its inputs and its feedback (where
  *  the planner has one): mean (nx) and standard deviation (nx), of the particles, of the state's estimate and of the
