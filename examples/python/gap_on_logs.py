@@ -21,7 +21,8 @@ for row in result.rows()[:5]:
     print(f"{row['effects']:60} {row['gain_nats']:8.1f} nats, {row['remaining_sigma']:.2f} sigma remain")
 if result.robot_file:  # written where the effect is proven
     print("the robot file with the effect:", result.robot_file)
-assert "friction (joint)" in result.sentence
+# two swing-ups do not prove it, and the sentence says so; friction is among what explains them
+assert any("friction (joint)" in row["effects"] for row in result.rows())
 
 
 # %% The picture: a stretch that no fit has seen, beside what the model makes of its first state
