@@ -7,7 +7,7 @@
 //   passive                plans over the posterior and learns from what comes
 //   certainty equivalence  plans with the posterior's mean
 //   closed-loop plans      as if every hypothesis could answer after a third of the horizon (scenario trees)
-//   white noise            passive, with a reference that jitters; sized on seeds 1001.. to cost what probing spends
+//   white noise            passive, with a reference that jitters by a size chosen by hand (DualTask::jitter)
 //   probing                passive, with probe.weight = 1
 //
 // Then calibrations (calibration_runs.hpp), and the shipped robots with probing on, which need none.

@@ -280,11 +280,7 @@ void Executive::plan(Tick& tick) {
     info_.plan_ns = clock_ns() - start_ns;
   }
   count_hold(tick);
-  if (machine_.state() == tiller_state_safe || (was_moving_ && !moving())) probing_.end(info_);
-  if (moving() && probing_.calibrating()) {
-    probing_.pass_period(info_);
-    task_tick_ = info_.ticks + 1;  // the task begins behind it
-  }
+  if (probing_) pass_probing();
   was_moving_ = moving();
   forced_iterations_ = kNotForced;
 }
@@ -296,7 +292,7 @@ void Executive::enter_motion() {
   prediction_.clear();
   divergence_.clear();
   steady_.clear();
-  probing_.begin(info_);
+  if (probing_) probing_->begin(info_);
   unrenewed_plans_ = 0;
   task_tick_ = info_.ticks;
 }
@@ -353,13 +349,22 @@ void Executive::replan(Tick& tick) {
 /// no time for it, and a replay, which knows the iterations, sees that too.
 const float* Executive::probe(Tick& tick, const PlanRequest& request, const PlanResult& result, double ahead_s) {
   const float* const sequence = planner_table_->sequence(planner_);
+  if (probing_ == nullptr) return sequence;
   const bool cut = result.iterations < config_.planner.iterations && !planner_table_->converges;
-  if (!probing_.on() || cut || result.status != tiller_status_ok || info_.touched != 0) {
-    probing_.keep_in_box(tick.wanted);
+  if (cut || result.status != tiller_status_ok || info_.touched != 0) {
+    probing_->keep_in_box(tick.wanted);
     return sequence;
   }
-  return probing_.choose(*posterior_, timeline_, {stamp_us_, ahead_s, belief_.lead_periods()}, request, sequence,
-                         tick.wanted, info_);
+  return probing_->choose(*posterior_, timeline_, {stamp_us_, ahead_s, belief_.lead_periods()}, request, sequence,
+                          tick.wanted, info_);
+}
+
+/// A period is over. A calibration ends with motion, and the task begins behind it.
+void Executive::pass_probing() {
+  if (machine_.state() == tiller_state_safe || (was_moving_ && !moving())) probing_->end(info_);
+  if (!moving() || !probing_->calibrating()) return;
+  probing_->pass_period(info_);
+  task_tick_ = info_.ticks + 1;
 }
 
 /// A good plan is followed unless something is in its way.

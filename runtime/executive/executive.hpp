@@ -124,6 +124,7 @@ class Executive {
   void enter_motion();
   void replan(Tick& tick);
   const float* probe(Tick& tick, const PlanRequest& request, const PlanResult& result, double ahead_s);
+  void pass_probing();
   void aim(PlanRequest& request) const;
   void judge_plan(Tick& tick);
   void continue_plan(Tick& tick);
@@ -159,7 +160,7 @@ class Executive {
   ContactTest contact_;
   PlanMemory plan_;
   Prediction prediction_;
-  Probing probing_;
+  Probing* probing_ = nullptr;  // null: off
   DemonstrationDivergence divergence_;
   CommandTimeline timeline_;
   MotionCheck motion_;

@@ -132,7 +132,7 @@ Executive* Executive::lay_out(Arena& arena, const tiller_config_t& config, const
   note("plan");
   self.prediction_.lay_out(arena, self.config_, self.belief_.planner_setup(), *self.table_);
   note("prediction");
-  self.probing_.lay_out(arena, self.config_, self.setup_, *self.table_);
+  self.probing_ = Probing::lay_out(arena, self.config_, self.setup_, *self.table_);
   note("probing");
   self.timeline_.lay_out(arena, config.model->input_count, command_window_us(self.config_, self.setup_));
   note("command timeline");

@@ -13,7 +13,7 @@ tiller_status_t Executive::arm() {
 
 /// The next motion starts again even where no tick has seen the robot stand still in between.
 void Executive::end_motion() {
-  probing_.end(info_);
+  if (probing_) probing_->end(info_);
   was_moving_ = false;
   motion_.clear();
 }
@@ -87,7 +87,7 @@ void Executive::set_reference(const double* states, const double* outputs, std::
 
 tiller_status_t Executive::calibrate(const ProbeBox& box, std::uint32_t periods) {
   if (machine_.state() == tiller_state_safe) return tiller_status_wrong_state;
-  probing_.calibrate(box, periods);
+  probing_->calibrate(box, periods);
   info_.calibration_left = periods;
   recorder_.note_call(tiller_call_calibrate);
   return tiller_status_ok;

@@ -5,22 +5,26 @@
 
 namespace tiller {
 
-void Probing::lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table) {
-  on_ = config.probe.weight > 0.0;
-  if (!on_) return;
-  config_ = config;
-  config_.planner.particles = Prober::hypotheses_of(config);
-  config_.planner.hypotheses = tiller_hypotheses_drawn;
-  config_.planner.predict_spread = 1;
-  until_sd_ = config.probe.until_sd;
+Probing* Probing::lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
+                          const RolloutTable& table) {
+  if (!(config.probe.weight > 0.0)) return nullptr;
+  auto* const placed = arena.take<Probing>(1);
+  Probing stand_in;
+  Probing& self = placed ? *placed : stand_in;
+  self.config_ = config;
+  self.config_.planner.particles = Prober::hypotheses_of(config);
+  self.config_.planner.hypotheses = tiller_hypotheses_drawn;
+  self.config_.planner.predict_spread = 1;
+  self.until_sd_ = config.probe.until_sd;
   // a plan's first command acts where its delay ends, and so do the hypotheses begin
-  belief_.lay_out(arena, config_, setup, table, true);
+  self.belief_.lay_out(arena, self.config_, setup, table, true);
   // the goal changes in the controller's own configuration
-  prober_.lay_out(arena, config, belief_.planner_setup(), table);
+  self.prober_.lay_out(arena, config, self.belief_.planner_setup(), table);
+  return placed;
 }
 
 void Probing::begin(tiller_info_t& info) {
-  if (on_) prober_.reset();
+  prober_.reset();
   info.probe_spent = info.probe_allowed = 0.0;
 }
 
@@ -91,6 +95,7 @@ const float* Probing::choose(const Posterior& posterior, const CommandTimeline& 
     for (std::uint32_t i = 0; i < config_.model->input_count; ++i)
       command[i] = static_cast<double>(prober_.sequence()[i]);
   }
+  if (calibrates && !result.probes) keep_in_box(command);
   if (!calibrates) info.probe_allowed += config_.probe.budget * prober_.stage_cost(command, own.task_step);
   return result.probes ? prober_.sequence() : sequence;
 }

@@ -10,13 +10,14 @@ namespace tiller {
 /// Probing beside a planner: the prober with hypotheses of its own, what it may spend, and when it ends.
 ///
 /// The account runs while the robot moves. A period earns `budget` times what it is expected to cost. A plan is probed
-/// only if what it adds to the cost, with all that was spent, is no more than what was earned and what the planner's own
-/// plan is to earn; each period of it is charged with a bound on what it adds: what the planner's sequence comes to cost
-/// more if it goes on from there.
+/// only if what it adds to the cost, with all that was spent, is no more than what was earned and what the planner's
+/// own plan is to earn; each period of it is charged with a bound on what it adds: what the planner's sequence comes to
+/// cost more if it goes on from there.
 class Probing {
  public:
-  void lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table);
-  bool on() const { return on_; }
+  /// Null where the configuration has no probing, and while the arena measures.
+  static Probing* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
+                          const RolloutTable& table);
   /// Motion begins: nothing is spent, nothing is known of plans before.
   void begin(tiller_info_t& info);
   /// A period of motion is over.
@@ -28,7 +29,6 @@ class Probing {
   /// The next `periods` of motion calibrate in the box; 0: none do.
   void calibrate(const ProbeBox& box, std::uint32_t periods);
   bool calibrating() const { return left_ > 0; }
-  std::uint32_t calibration_left() const { return left_; }
 
   /// When and as of which measurement a plan is made.
   struct Moment {
@@ -45,7 +45,6 @@ class Probing {
  private:
   bool known(const tiller_info_t& info) const;
 
-  bool on_ = false;
   tiller_config_t config_{};  // with the prober's number of hypotheses
   const double* until_sd_ = nullptr;
   PlanningBelief belief_;

@@ -23,7 +23,7 @@ struct RegretTable {
 
 /// What is left of the chance to take one of two hypotheses for the other, 1 at first, once a signal tells them `apart`
 /// by D = 1/2 d^2 nats: of Gaussian signals 2 E p q / (p + q)^2 = exp(-D / 4) E sech(z sqrt(D / 2)), z normal. The
-/// expectation is (1 + D + D^2 / pi^2)^(-1/4) to 0.02: exact to first order at 0, and in the limit.
+/// expectation is (1 + D + D^2 / pi^2)^(-1/4) to 1 %: exact to first order at 0, and in the limit.
 double confusion(double apart);
 
 /// Share of the mistakes that will not be made once each pair of hypotheses is told `apart` (M x M, upper triangle), in

@@ -23,15 +23,6 @@ constexpr double kLogistic = 1.702;  // 1 / (1 + exp(-1.702 z)) is the normal di
 /// Share of a normal variable that lies beyond a bound `z` deviations away.
 double beyond_bound(double z) { return z > 6.0 ? 0.0 : 1.0 / (1.0 + math::exp(kLogistic * std::fmax(z, -6.0))); }
 
-}  // namespace
-
-std::uint32_t Prober::hypotheses_of(const tiller_config_t& config) {
-  if (config.probe.hypotheses > 1) return config.probe.hypotheses;
-  return config.planner.particles < 4 ? 8 : std::min(config.planner.particles, kMostProbeHypotheses);
-}
-
-namespace {
-
 void shift_sequence(float* sequence, std::uint32_t horizon, std::uint32_t nu, std::uint64_t ticks) {
   const std::uint32_t gone = static_cast<std::uint32_t>(std::min<std::uint64_t>(ticks, horizon - 1));
   std::copy(sequence + std::size_t{gone} * nu, sequence + std::size_t{horizon} * nu, sequence);
@@ -41,6 +32,11 @@ void shift_sequence(float* sequence, std::uint32_t horizon, std::uint32_t nu, st
 }
 
 }  // namespace
+
+std::uint32_t Prober::hypotheses_of(const tiller_config_t& config) {
+  if (config.probe.hypotheses > 0) return config.probe.hypotheses;
+  return config.planner.particles < 4 ? 8 : std::min(config.planner.particles, kMostProbeHypotheses);
+}
 
 void Prober::lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table) {
   config_ = &config;
@@ -142,7 +138,7 @@ void Prober::take_laws() {
     std::copy(law_.gain, law_.gain + gains(), gain_ + at * gains());
     place_all(special(j));
     float cost[kBatch];
-    roll(j, 1, cost, trajectory_);
+    roll(j, cost, trajectory_);
     float* const reference = reference_ + at * (horizon_ + 1) * nx_;
     for (std::size_t row = 0; row < std::size_t{horizon_ + 1} * nx_; ++row) reference[row] = trajectory_[row * kBatch];
   }
@@ -165,12 +161,13 @@ void Prober::answer(std::uint32_t m, std::uint32_t stage, float* cost) {
   for (std::size_t at = until; at < length(); ++at)
     std::fill(controls_ + at * kBatch, controls_ + (at + 1) * kBatch, own[at]);
   const RolloutFeedback<float> law = law_of(m, stage_[stage]);
-  roll(m, kBatch, cost, nullptr, &law);
+  roll(m, cost, nullptr, &law);
 }
 
 void Prober::set_stages() {
   constexpr double kShare[kStages] = {0.04, 0.1, 0.25, 0.6};  // of the horizon
   stages_ = calibrates_ ? 1 : kStages;
+  motion_ = std::max(static_cast<std::uint32_t>(std::lround(kShare[kMotion] * horizon_)), 1u);
   for (std::uint32_t a = 0; a < stages_; ++a) {
     const auto periods = static_cast<std::uint32_t>(std::lround(kShare[a] * horizon_));
     stage_[a] = calibrates_ ? horizon_ : std::max(periods, a > 0 ? stage_[a - 1] : 1u);
@@ -224,8 +221,8 @@ void Prober::take_limits(const ProbeTask& task) {
   }
 }
 
-/// How far the state may stray from a hypothesis' motion: the estimate's error and the noise of the periods that a probing
-/// motion takes, after which what was planned is planned again. A joint's position goes with its velocity.
+/// How far the state may stray from a hypothesis' motion: the estimate's error and the noise of the periods that a
+/// probing motion takes, after which what was planned is planned again. A joint's position goes with its velocity.
 void Prober::design_margins() {
   const StateSpread& spread = *task_->plan->belief->spread;
   const tiller_model_t& model = *config_->model;
@@ -233,8 +230,7 @@ void Prober::design_margins() {
   for (std::uint32_t i = 0; i < nx_; ++i)
     for (std::uint32_t step = 0; step <= horizon_; ++step)
       margin_[std::size_t{step} * nx_ + i] =
-          std::sqrt(spread.covariance[i * nx_ + i] +
-                    std::min(step, stage_[stages_ > kMotion ? kMotion : 0]) * spread.process[i * nx_ + i]);
+          std::sqrt(spread.covariance[i * nx_ + i] + std::min(step, motion_) * spread.process[i * nx_ + i]);
   for (std::uint32_t j = 0; j < model.joint_count; ++j) {
     const std::uint32_t p = model.joints[j].position, v = model.joints[j].velocity;
     if (p == TILLER_NO_POSITION) continue;
@@ -242,7 +238,7 @@ void Prober::design_margins() {
            vv = spread.covariance[v * nx_ + v];
     for (std::uint32_t step = 0; step <= horizon_; ++step) {
       margin_[std::size_t{step} * nx_ + p] = std::sqrt(pp);
-      if (step >= stage_[stages_ > kMotion ? kMotion : 0]) continue;
+      if (step >= motion_) continue;
       pp += dt * (2.0 * pv + dt * vv) + spread.process[p * nx_ + p];
       pv += dt * vv + spread.process[p * nx_ + v];
       vv += spread.process[v * nx_ + v];
@@ -252,14 +248,14 @@ void Prober::design_margins() {
 
 // ---- sequences ----------------------------------------------------------------------------------
 
-/// `wish` (horizon x nu) becomes a lane's inputs, under limits, rates and cones.
-void Prober::place_wish(std::uint32_t lane, const double* wish) {
+/// What is wished for (horizon x nu) becomes a lane's inputs, under limits, rates and cones.
+void Prober::place_wish(std::uint32_t lane) {
   double last[TILLER_MAX_INPUTS];
   std::copy(start_, start_ + nu_, last);
   for (std::uint32_t step = 0; step < horizon_; ++step) {
     double within[TILLER_MAX_INPUTS];
     for (std::uint32_t i = 0; i < nu_; ++i)
-      within[i] = std::fmin(std::fmax(wish[std::size_t{step} * nu_ + i], wish_low_[i]), wish_high_[i]);
+      within[i] = std::fmin(std::fmax(wish_[std::size_t{step} * nu_ + i], wish_low_[i]), wish_high_[i]);
     limit_commands(limits_, cones_, nu_, within, last);
     for (std::uint32_t i = 0; i < nu_; ++i)
       controls_[(std::size_t{step} * nu_ + i) * kBatch + lane] = static_cast<float>(last[i]);
@@ -268,47 +264,43 @@ void Prober::place_wish(std::uint32_t lane, const double* wish) {
 
 void Prober::place(std::uint32_t lane, const float* sequence) {
   std::copy(sequence, sequence + length(), wish_);
-  place_wish(lane, wish_);
+  place_wish(lane);
 }
 
-/// Every lane gets the sequence.
-void Prober::place_all(const float* sequence) {
-  place(0, sequence);
+/// Every lane gets the first one's inputs.
+void Prober::repeat_first() {
   for (std::size_t at = 0; at < length(); ++at)
     std::fill(controls_ + at * kBatch + 1, controls_ + (at + 1) * kBatch, controls_[at * kBatch]);
 }
 
-/// A sample around a sequence: at knots over the horizon (most lanes), or while a probing motion lasts. The lanes' widths
-/// run geometrically over the batch.
-void Prober::draw(Rng& rng, std::uint32_t lane, const float* around, const Spread& spread) {
-  double* const wish = wish_;
+void Prober::place_all(const float* sequence) {
+  place(0, sequence);
+  repeat_first();
+}
+
+/// A sample around a sequence: at knots over the horizon (most lanes), or while a probing motion lasts. The lanes'
+/// widths run geometrically over the batch.
+void Prober::draw(Rng& rng, std::uint32_t lane, const float* around, double widest) {
   double knot[kMostKnots];
-  const bool early = spread.first_step == 0 && lane % 3 == 1;
-  const std::uint32_t end = early ? std::min(stage_[stages_ > kMotion ? kMotion : 0] + 1, horizon_) : horizon_;
-  const double span = std::max(1.0, static_cast<double>(end - spread.first_step));
+  const std::uint32_t end = lane % 3 == 1 ? std::min(motion_ + 1, horizon_) : horizon_;
   const bool square = calibrates_ && lane % 3 == 2;
-  const double width = spread.widest * math::exp(-0.6931471805599453 * kFolds * (lane % 8) / 7.0);
+  const double width = widest * math::exp(-0.6931471805599453 * kFolds * (lane % 8) / 7.0);
   for (std::uint32_t i = 0; i < nu_; ++i) {
-    const double half = 0.5 * (wish_high_[i] - wish_low_[i]);
-    for (std::uint32_t k = 0; k < knots_; ++k) knot[k] = width * half * rng.normal();
+    const double most = 0.5 * width * (wish_high_[i] - wish_low_[i]);
+    for (std::uint32_t k = 0; k < knots_; ++k) knot[k] = most * rng.normal();
     // what tells most of parameters is often a square wave
-    const double waves = math::exp(rng.uniform() * math::log(0.25 * span + 1.0)), phase = rng.uniform();
+    const double waves = math::exp(rng.uniform() * math::log(0.25 * end + 1.0)), phase = rng.uniform();
     for (std::uint32_t step = 0; step < horizon_; ++step) {
-      double off = 0.0;
-      if (step >= spread.first_step && step < end) {
-        const double at = (step - spread.first_step) * (knots_ - 1) / span;
-        const std::uint32_t k = std::min(static_cast<std::uint32_t>(at), knots_ - 2);
-        off = knot[k] + (at - k) * (knot[k + 1] - knot[k]);
-        if (square) {
-          const double turn = phase + waves * (step - spread.first_step) / span;
-          off = width * half * (turn - std::floor(turn) < 0.5 ? 1.0 : -1.0);
-        }
-      }
       const std::size_t index = std::size_t{step} * nu_ + i;
-      wish[index] = static_cast<double>(around[index]) + off;
+      wish_[index] = static_cast<double>(around[index]);
+      if (step >= end) continue;
+      const double share = static_cast<double>(step) / end, at = share * (knots_ - 1), turn = phase + waves * share;
+      const std::uint32_t k = std::min(static_cast<std::uint32_t>(at), knots_ - 2);
+      const double line = knot[k] + (at - k) * (knot[k + 1] - knot[k]);
+      wish_[index] += !square ? line : turn - std::floor(turn) < 0.5 ? most : -most;
     }
   }
-  place_wish(lane, wish);
+  place_wish(lane);
 }
 
 // ---- rollouts -----------------------------------------------------------------------------------
@@ -324,8 +316,7 @@ RolloutJob<float> Prober::common_job() const {
   return job;
 }
 
-void Prober::roll(std::size_t m, std::uint32_t lanes, float* cost, float* trajectory,
-                  const RolloutFeedback<float>* law) {
+void Prober::roll(std::size_t m, float* cost, float* trajectory, const RolloutFeedback<float>* law) {
   RolloutJob<float> job = common_job();
   job.lanes = kBatch;
   job.state = {state_ + m * nx_, 0};
@@ -336,7 +327,7 @@ void Prober::roll(std::size_t m, std::uint32_t lanes, float* cost, float* trajec
   job.trajectory = trajectory;
   job.feedback = law;
   table_->rollout_f32(*config_->model, job);
-  for (std::uint32_t l = 0; l < lanes; ++l)
+  for (std::uint32_t l = 0; l < kBatch; ++l)
     if (!(cost[l] < kWorst)) cost[l] = kWorst;
 }
 
@@ -346,10 +337,9 @@ void Prober::specialise(Rng& rng) {
     float* const own = special(m);
     place(0, own);
     place(1, task_->sequence);
-    for (std::uint32_t lane = 2; lane < kBatch; ++lane)
-      draw(rng, lane, lane % 4 == 3 ? task_->sequence : own, {0, 1.0});
+    for (std::uint32_t lane = 2; lane < kBatch; ++lane) draw(rng, lane, lane % 4 == 3 ? task_->sequence : own);
     float cost[kBatch];
-    roll(m, kBatch, cost, nullptr);
+    roll(m, cost, nullptr);
     const std::uint32_t least = static_cast<std::uint32_t>(std::min_element(cost, cost + kBatch) - cost);
     for (std::size_t at = 0; at < length(); ++at) own[at] = controls_[at * kBatch + least];
   }
@@ -426,11 +416,11 @@ void Prober::accumulate() {
 }
 
 /// Rolls the batch out on every hypothesis; costs, distances and chances of leaving the bounds.
-void Prober::judge(std::uint32_t lanes) {
+void Prober::judge() {
   std::fill(beyond_, beyond_ + std::size_t{horizon_ + 1} * kBatch, 0.0f);
   const std::size_t size = std::size_t{stage_[stages_ - 1]} * sight_.signals() * kBatch;
   for (std::uint32_t m = 0; m < hypotheses_; ++m) {
-    roll(m, lanes, batch_cost_ + m * kBatch, trajectory_);
+    roll(m, batch_cost_ + m * kBatch, trajectory_);
     sight_.whiten(trajectory_, stage_[stages_ - 1], kBatch, signal_ + m * size);
     measure_beyond();
   }
@@ -448,6 +438,24 @@ void Prober::judge(std::uint32_t lanes) {
   std::copy(blind_, blind_ + length() * kBatch, controls_);
 }
 
+/// The numbers of pairs at a stage, as a full matrix; false where one is not finite.
+bool Prober::read_pairs(std::uint32_t stage, std::uint32_t lane, double* pairs) const {
+  const std::size_t m = hypotheses_;
+  for (std::size_t i = 0; i < m; ++i)
+    for (std::size_t j = calibrates_ ? i : i + 1; j < m; ++j) {
+      const double value = static_cast<double>(apart_[((stage * m + i) * m + j) * kBatch + lane]);
+      if (!std::isfinite(value)) return false;
+      pairs[i * m + j] = pairs[j * m + i] = value;
+    }
+  return true;
+}
+
+/// Nats about which hypothesis it is, by when a probing motion is over.
+double Prober::told_nats(std::uint32_t lane) const {
+  double pairs[kMostProbeHypotheses * kMostProbeHypotheses];
+  return read_pairs(kMotion, lane, pairs) ? mixture_information(hypotheses_, pairs).low : 0.0;
+}
+
 Prober::Score Prober::score(std::uint32_t lane) const {
   Score s{};
   s.beyond = 1.0;
@@ -455,17 +463,9 @@ Prober::Score Prober::score(std::uint32_t lane) const {
   double pairs[kMostProbeHypotheses * kMostProbeHypotheses], blind = 0.0, learnt = 0.0;
   for (std::uint32_t m = 0; m < hypotheses_; ++m)
     blind += share() * static_cast<double>(batch_cost_[m * kBatch + lane]);
-  const std::size_t square = std::size_t{hypotheses_} * hypotheses_;
   for (std::uint32_t stage = 0; stage < stages_; ++stage) {
-    for (std::uint32_t i = 0; i < hypotheses_; ++i)
-      for (std::uint32_t j = calibrates_ ? i : i + 1; j < hypotheses_; ++j) {
-        const std::size_t at = std::size_t{i} * hypotheses_ + j;
-        pairs[at] = pairs[std::size_t{j} * hypotheses_ + i] =
-            static_cast<double>(apart_[(stage * square + at) * kBatch + lane]);
-        if (!std::isfinite(pairs[at])) return s;
-      }
+    if (!read_pairs(stage, lane, pairs)) return s;
     if (calibrates_) continue;
-    if (stage == kMotion) s.information = mixture_information(hypotheses_, pairs).low;
     const double by_now = std::fmax(learnt, std::fmin(config_->probe.weight * told_share(regrets_, pairs), 1.0));
     s.cost += (by_now - learnt) * static_cast<double>(told_cost_[stage * kBatch + lane]);
     learnt = by_now;
@@ -474,7 +474,7 @@ Prober::Score Prober::score(std::uint32_t lane) const {
   for (std::uint32_t step = 1; step <= horizon_; ++step)
     s.beyond = std::fmax(s.beyond, static_cast<double>(beyond_[std::size_t{step} * kBatch + lane]));
   if (calibrates_) {
-    s.information = s.gain = gaussian_information(hypotheses_, pairs);
+    s.gain = gaussian_information(hypotheses_, pairs);
     return s;
   }
   const double last = static_cast<double>(told_cost_[(kStages - 1) * kBatch + lane]);
@@ -493,6 +493,7 @@ void Prober::consider(std::uint32_t first, std::uint32_t end) {
     const bool inside = s.beyond <= std::fmax(config_->probe.risk, calibrates_ ? 0.0 : own_.beyond);
     if (!calibrates_ && (!inside || s.told - own_.told > task_->most_cost + task_->budget * std::fabs(own_.cost)))
       continue;
+    const double nats = calibrates_ ? s.gain : 0.0;
     // from outside of the box the way back comes first: every motion inside is better than any that is not
     if (calibrates_ && !inside) s.gain = -1.0 - static_cast<double>(beyond_[l]);
     // what is under way goes on unless another is better by more than samples differ: two that take turns tell nothing
@@ -500,6 +501,7 @@ void Prober::consider(std::uint32_t first, std::uint32_t end) {
     if (has_best_ && !(s.gain > chosen_.gain + ahead)) continue;
     if (has_best_) goes_on_ = false;
     chosen_ = s;
+    chosen_nats_ = calibrates_ ? nats : told_nats(l);
     has_best_ = true;
     for (std::size_t at = 0; at < length(); ++at) best_[at] = controls_[at * kBatch + l];
   }
@@ -509,9 +511,8 @@ void Prober::consider(std::uint32_t first, std::uint32_t end) {
 double Prober::switched_cost() {
   std::copy(task_->sequence, task_->sequence + length(), wish_);
   std::copy(best_, best_ + nu_, wish_);
-  place_wish(0, wish_);
-  for (std::size_t at = 0; at < length(); ++at)
-    std::fill(controls_ + at * kBatch + 1, controls_ + (at + 1) * kBatch, controls_[at * kBatch]);
+  place_wish(0);
+  repeat_first();
   std::copy(controls_, controls_ + length() * kBatch, blind_);
   double sum = 0.0;
   for (std::uint32_t m = 0; m < hypotheses_; ++m) {
@@ -571,14 +572,14 @@ ProbeResult Prober::search(const ProbeTask& task) {
   std::copy(had ? best_ : task.sequence, (had ? best_ : task.sequence) + length(), last);
   has_best_ = false;
   for (std::uint32_t first = 0; first < config_->probe.rollouts; first += kBatch) {
-    for (std::uint32_t l = 0; l < kBatch; ++l) draw(rng, l, l % 2 == 1 && had ? last : task.sequence, {0, 1.0});
+    for (std::uint32_t l = 0; l < kBatch; ++l) draw(rng, l, l % 2 == 1 && had ? last : task.sequence);
     if (first == 0) {
       place(0, task.sequence);
       place(1, last);
       // to act as if one were true: half of the batch at most
       for (std::uint32_t m = 0; !calibrates_ && m < hypotheses_ && m < kBatch / 2; ++m) place(2 + m, special(m));
     }
-    judge(kBatch);
+    judge();
     if (first == 0) {
       own_ = score(0);
       goes_on_ = sent_ && had;
@@ -589,15 +590,15 @@ ProbeResult Prober::search(const ProbeTask& task) {
   }
   if (has_best_) {
     std::copy(best_, best_ + length(), last);
-    for (std::uint32_t l = 0; l < kBatch; ++l) draw(rng, l, last, {0, kRefined});
-    judge(kBatch);
+    for (std::uint32_t l = 0; l < kBatch; ++l) draw(rng, l, last, kRefined);
+    judge();
     consider(0, kBatch);
   }
   result.plan_cost = own_.cost;
   const bool was_sent = sent_;
   sent_ = false;
   if (!has_best_) return result;
-  result.information = chosen_.information;
+  result.information = chosen_nats_;
   if (calibrates_) {
     result.probes = true;
     return result;

@@ -58,12 +58,13 @@ struct ProbeResult {
 ///
 /// Where never to learn would cost nothing much, the planner's sequence stands. R sequences are tried: around the
 /// planner's, around the last one that was found, and as if one of the hypotheses were true. The best that keeps the
-/// bounds of states with 1 - risk, and adds no more than is allowed, goes out where it saves enough, and goes on as long
-/// as it saves anything. Nothing is simulated within a simulation. A calibration has no regrets: it chooses the largest
+/// bounds of states with 1 - risk, and adds no more than is allowed, goes out where it saves enough, and goes on for as
+/// long as it saves anything. Nothing is simulated within a simulation. A calibration has no regrets: it chooses the largest
 /// information in its box.
 class Prober {
  public:
-  /// `config` and what it points to outlive the prober, as do `setup` and `table`. Null arrays while the arena measures.
+  /// `config` and what it points to outlive the prober, as do `setup` and `table`. Null arrays while the arena
+  /// measures.
   void lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table);
   void reset();
   /// How many hypotheses it judges by.
@@ -78,21 +79,16 @@ class Prober {
  private:
   static constexpr std::uint32_t kBatch = 64;  // lanes of a rollout call: four registers of AVX-512 in flight
   static constexpr std::uint32_t kMostKnots = 16;
-  static constexpr std::uint32_t kStages = 4, kMotion = 2;  // the stage by which a probing motion is over
+  static constexpr std::uint32_t kStages = 4;
+  static constexpr std::uint32_t kMotion = 2;  // the stage by which a probing motion is over
 
-  /// How far the lanes of a batch stray from the sequence that they are drawn around.
-  struct Spread {
-    std::uint32_t first_step = 0;  // before it they do not
-    double widest = 1.0;           // of the inputs' half ranges
-  };
   /// What a batch came to.
   struct Score {
-    double cost;         // expected, with what will be learnt
-    double told;         // were all told when a probing motion is over
-    double information;  // nats
-    double ignorance;    // what it would cost more never to learn
-    double beyond;       // largest probability of a bound passed
-    double gain;         // to be maximised
+    double cost;       // expected, with what will be learnt
+    double told;       // were all told when a probing motion is over
+    double ignorance;  // what it would cost more never to learn
+    double beyond;     // largest probability of a bound passed
+    double gain;       // to be maximised
   };
 
   void take_belief(const PlanRequest& request);
@@ -100,24 +96,26 @@ class Prober {
   void follow_time(const ProbeTask& task);
   void take_limits(const ProbeTask& task);
   void design_margins();
-  void draw(Rng& rng, std::uint32_t lane, const float* around, const Spread& spread);
+  void draw(Rng& rng, std::uint32_t lane, const float* around, double widest = 1.0);
   void place(std::uint32_t lane, const float* sequence);
   void place_all(const float* sequence);
-  void place_wish(std::uint32_t lane, const double* wish);
+  void place_wish(std::uint32_t lane);
+  void repeat_first();
   RolloutJob<float> common_job() const;
-  void roll(std::size_t m, std::uint32_t lanes, float* cost, float* trajectory,
-            const RolloutFeedback<float>* law = nullptr);
+  void roll(std::size_t m, float* cost, float* trajectory, const RolloutFeedback<float>* law = nullptr);
   void align();
   void take_laws();
   RolloutFeedback<float> law_of(std::size_t j, std::uint32_t from) const;
   void answer(std::uint32_t m, std::uint32_t stage, float* cost);
   void specialise(Rng& rng);
   void cross();
-  void judge(std::uint32_t lanes);
+  void judge();
   void measure_beyond();
   void accumulate();
   float* special(std::size_t m) { return special_ + m * length(); }
+  bool read_pairs(std::uint32_t stage, std::uint32_t lane, double* pairs) const;
   Score score(std::uint32_t lane) const;
+  double told_nats(std::uint32_t lane) const;
   double least_saving(double cost) const;
   bool needs_to_know(ProbeResult& result);
   void consider(std::uint32_t first, std::uint32_t end);
@@ -152,6 +150,7 @@ class Prober {
   const ProbeTask* task_ = nullptr;
   bool calibrates_ = false;
   std::uint32_t stages_ = 0, stage_[kStages] = {};  // periods, growing
+  std::uint32_t motion_ = 0;                        // periods that a probing motion takes
   double ignorant_ = 0.0;
   InputLimit limits_[TILLER_MAX_INPUTS];
   double start_[TILLER_MAX_INPUTS] = {};
@@ -162,7 +161,8 @@ class Prober {
   std::uint32_t bounded_ = 0;  // states with a bound
   std::uint32_t bounded_state_[TILLER_MAX_STATES] = {};
   double low_[TILLER_MAX_STATES] = {}, high_[TILLER_MAX_STATES] = {};
-  Score own_{}, chosen_{};         // of the planner's sequence, and of the best one
+  Score own_{}, chosen_{};  // of the planner's sequence, and of the best one
+  double chosen_nats_ = 0.0;
   double* margin_ = nullptr;       // (horizon + 1 x nx) deviations of the state
   float* state_ = nullptr;         // (M x nx)
   float* params_ = nullptr;        // (M x np)

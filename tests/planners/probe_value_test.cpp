@@ -46,6 +46,24 @@ TEST(ProbeValue, HypothesesThatWantTheSamePlanAreNotWorthTellingApart) {
   EXPECT_EQ(expected_saving(table, pair), 0.0);
 }
 
+/// What is left of the chance to take one of two Gaussians for the other, by quadrature: 2 times the integral of
+/// p q / (p + q).
+double exact_confusion(double apart) {
+  const double half = 0.5 * std::sqrt(2.0 * apart), step = 1e-3;
+  double sum = 0.0;
+  for (double y = -half - 12.0; y < half + 12.0; y += step) {
+    const double p = std::exp(-0.5 * (y - half) * (y - half)), q = std::exp(-0.5 * (y + half) * (y + half));
+    if (p + q > 0.0) sum += 2.0 * p * q / (p + q) * step;
+  }
+  return sum / 2.5066282746310002;
+}
+
+TEST(ProbeValue, TheConfusionOfTwoGaussiansIsItsQuadratureToAPercent) {
+  for (const double apart : {0.0, 0.01, 0.1, 0.3, 1.0, 2.0, 4.0, 8.0, 20.0, 200.0})
+    EXPECT_NEAR(confusion(apart) / exact_confusion(apart), 1.0, 0.01) << apart;
+  EXPECT_NEAR((1.0 - confusion(1e-4)) / 1e-4, 0.5, 1e-3);  // first order
+}
+
 /// Mutual information between which of the means it is and a value seen under unit noise, by quadrature.
 double exact_information(const std::vector<double>& mean) {
   const double step = 1e-3, count = static_cast<double>(mean.size());

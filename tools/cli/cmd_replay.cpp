@@ -58,7 +58,8 @@ int replay_command(Arguments a) {
   if (!done) return complain(a.log + ": " + error);
   if (result.lost_calls > 0)
     std::printf(
-        "%zu ticks: more than eight calls came before each, of which the record kept eight, or a calibration without --calibrate\n",
+        "%zu ticks: the record kept eight of more calls before each, or a calibration wants --calibrate with the run's "
+        "seconds\n",
         result.lost_calls);
   std::fputs(divergence_text(*robot, run, result).c_str(), stdout);
   std::printf("%zu ticks replayed on %s, %zu different%s", result.ticks, lcm ? "LCM" : tiller_instruction_set(),

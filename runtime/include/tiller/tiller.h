@@ -273,15 +273,16 @@ typedef struct tiller_planner_config {
   double exploration;     /**< MCTS: weight of the confidence bound, in shares of the costs' range, in [0, 1e6] */
 } tiller_planner_config_t;
 
-/** Probing: plans that spend on finding out what the task will need to know (dual control). Beside every plan the prober
- *  looks for one that costs little more and tells the hypotheses apart before they want different inputs. It is sent in
- *  the plan's place while what it is expected to save is more than what it costs. See docs/theory/probing.md. */
+/** Probing: plans that spend on finding out what the task will need to know (dual control). Beside every plan the
+ *  prober looks for one that costs little more and tells the hypotheses apart before they want different inputs. It is
+ *  sent in the plan's place while what it is expected to save is more than what it costs. See docs/theory/probing.md. */
 typedef struct tiller_probe_config {
   double weight;       /**< of the expected saving against the cost; 1: as the horizon shows it; 0: no prober;
                             TILLER_SMALLEST_WEIGHT: a prober for calibrations alone; weights */
   double budget;       /**< share of the task's cost that probing may add, in [0, 10] */
   double risk;         /**< probability at which a probing plan may leave the bounds of states, in (0, 0.5] */
-  uint32_t hypotheses; /**< drawn from the posterior to judge by, 2..32; 0: those of the planner, 8 where it has fewer than 4 */
+  uint32_t hypotheses; /**< drawn from the posterior to judge by, 2..32; 0: those of the planner, 8 where it has
+                            fewer than 4 */
   uint32_t rollouts;   /**< motions tried on each of them in a tick, a multiple of 64, 64..1024 */
   const double* until_sd; /**< (param_count) probing ends once each parameter's deviation is below this; INFINITY: it has
                                no say; scales; null: it ends where nothing is to be gained. Copied by tiller_init */
