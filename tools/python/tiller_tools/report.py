@@ -434,7 +434,7 @@ def _spans(run: Run, kind: int) -> list[tuple[float, float]]:
 
 
 def _shade_probing(run: Run, ax) -> None:
-    for kind, colour, label in ((2, page.PREDICTIVE, "calibrating"), (1, page.BAND, "probing")):
+    for kind, colour, label in ((2, page.PREDICTIVE, "calibrating"), (1, page.CYCLE[4], "probing")):
         for i, (begin, end) in enumerate(_spans(run, kind)):
             ax.axvspan(begin, end, ymax=0.04, color=colour, linewidth=0, label=label if i == 0 else None)
 
