@@ -167,10 +167,10 @@ void Prober::answer(std::uint32_t m, std::uint32_t stage, float* cost) {
 void Prober::set_stages() {
   constexpr double kShare[kStages] = {0.04, 0.1, 0.25, 0.6};  // of the horizon
   stages_ = calibrates_ ? 1 : kStages;
-  motion_ = std::max(static_cast<std::uint32_t>(std::lround(kShare[kMotion] * horizon_)), 1u);
+  motion_ = std::max(static_cast<std::uint32_t>(std::lround(kShare[kMotion] * horizon_)), std::uint32_t{1});
   for (std::uint32_t a = 0; a < stages_; ++a) {
     const auto periods = static_cast<std::uint32_t>(std::lround(kShare[a] * horizon_));
-    stage_[a] = calibrates_ ? horizon_ : std::max(periods, a > 0 ? stage_[a - 1] : 1u);
+    stage_[a] = calibrates_ ? horizon_ : std::max(periods, a > 0 ? stage_[a - 1] : std::uint32_t{1});
   }
 }
 
