@@ -323,7 +323,8 @@ void Executive::replan(Tick& tick) {
 
   if (is_fault(result.status)) return fail_plan(tick, result.status);
   if (!all_finite(tick.wanted, config_.model->input_count)) return fail_plan(tick, tiller_status_plan_not_finite);
-  plan_.keep(tick.now_us, probe(tick, request, result, bounded_s), tick.wanted);
+  const bool complete = completes(result);
+  plan_.keep(tick.now_us, complete ? probe(tick, request, bounded_s) : planned_in_box(tick), tick.wanted);
   prediction_.predict(belief_.belief(), *planner_table_, planner_, request.task_step);
   // for the next plan, which may be prepared: what stands still has that time. A hand is not held against
   if (info_.touched == 0) steady_.update(*posterior_, info_.param_mean, info_.state_mean);
@@ -339,24 +340,30 @@ void Executive::replan(Tick& tick) {
   unrenewed_plans_ = 0;
   ++info_.plans;
   // a replay stops by count where the recording stopped by its clock: the same thing, so the same status
-  const bool cut_short =
-      forced_iterations_ != kNotForced && result.iterations < config_.planner.iterations && !planner_table_->converges;
-  tick.note(cut_short ? tiller_status_iteration_capped : result.status);
+  if (!complete) tick.note(forced_iterations_ != kNotForced ? tiller_status_iteration_capped : result.status);
   judge_plan(tick);
 }
 
 /// The sequence that goes out: the planner's, or one that finds out. Where the deadline cut the planner short there is
 /// no time for it, and a replay, which knows the iterations, sees that too.
-const float* Executive::probe(Tick& tick, const PlanRequest& request, const PlanResult& result, double ahead_s) {
+const float* Executive::probe(Tick& tick, const PlanRequest& request, double ahead_s) {
+  if (probing_ == nullptr || info_.touched != 0) return planned_in_box(tick);
   const float* const sequence = planner_table_->sequence(planner_);
-  if (probing_ == nullptr) return sequence;
-  const bool cut = result.iterations < config_.planner.iterations && !planner_table_->converges;
-  if (cut || result.status != tiller_status_ok || info_.touched != 0) {
-    probing_->keep_in_box(tick.wanted);
-    return sequence;
-  }
   return probing_->choose(*posterior_, timeline_, {stamp_us_, ahead_s, belief_.lead_periods()}, request, sequence,
                           tick.wanted, info_);
+}
+
+/// The planner's sequence; its command stays in the box of a calibration.
+const float* Executive::planned_in_box(Tick& tick) {
+  if (probing_) probing_->keep_in_box(tick.wanted);
+  return planner_table_->sequence(planner_);
+}
+
+/// Whether the planner came to the end of what was asked of it.
+bool Executive::completes(const PlanResult& result) const {
+  if (probing_ && probing_->leads()) return result.status == tiller_status_ok || result.iterations > 0;
+  const bool whole = result.iterations >= config_.planner.iterations || planner_table_->converges;
+  return whole && result.status == tiller_status_ok;
 }
 
 /// A period is over. A calibration ends with motion, and the task begins behind it.
@@ -401,6 +408,8 @@ Deadline Executive::deadline(const Tick& tick) {
   Deadline deadline;
   deadline.hooks = &hooks_;
   deadline.iterations = config_.planner.iterations;
+  // a calibration needs of the planner no more than a way to hold the robot, until just before its end
+  if (probing_ && probing_->leads()) deadline.iterations = std::min(deadline.iterations, std::uint32_t{1});
   if (forced_iterations_ != kNotForced) {
     // a replay: the clock of the recording has already decided
     deadline.iterations = forced_iterations_;

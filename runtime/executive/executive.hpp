@@ -123,7 +123,9 @@ class Executive {
   // plan
   void enter_motion();
   void replan(Tick& tick);
-  const float* probe(Tick& tick, const PlanRequest& request, const PlanResult& result, double ahead_s);
+  const float* probe(Tick& tick, const PlanRequest& request, double ahead_s);
+  const float* planned_in_box(Tick& tick);
+  bool completes(const PlanResult& result) const;
   void pass_probing();
   void aim(PlanRequest& request) const;
   void judge_plan(Tick& tick);

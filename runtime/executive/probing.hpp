@@ -29,6 +29,8 @@ class Probing {
   /// The next `periods` of motion calibrate in the box; 0: none do.
   void calibrate(const ProbeBox& box, std::uint32_t periods);
   bool calibrating() const { return left_ > 0; }
+  /// A calibration is under way and does not end within the next few periods.
+  bool leads() const { return left_ > kWarmUp; }
 
   /// When and as of which measurement a plan is made.
   struct Moment {
@@ -43,6 +45,8 @@ class Probing {
                       const PlanRequest& request, const float* sequence, double* command, tiller_info_t& info);
 
  private:
+  static constexpr std::uint32_t kWarmUp = 5;  // periods for the planner to come to a plan for the task
+
   bool known(const tiller_info_t& info) const;
 
   tiller_config_t config_{};  // with the prober's number of hypotheses
