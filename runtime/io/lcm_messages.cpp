@@ -45,6 +45,13 @@ bool lcm_read(const std::uint8_t* bytes, std::uint32_t size, LcmForces& message)
   return true;
 }
 
+bool lcm_read(const std::uint8_t* bytes, std::uint32_t size, LcmProbing& message) {
+  LcmProbing read{};
+  if (!lcm_decode(kLcmProbingType, bytes, size, &read)) return false;
+  message = read;
+  return true;
+}
+
 bool lcm_read(const std::uint8_t* bytes, std::uint32_t size, LcmGoal& message) {
   LcmGoal read{};
   if (!lcm_decode(kLcmGoalType, bytes, size, &read)) return false;
@@ -124,6 +131,24 @@ LcmForces lcm_forces(const tiller_info_t& info, std::int64_t stamp_us) {
   message.count = static_cast<std::int32_t>(joints);
   std::copy(info.force_mean, info.force_mean + joints, message.mean);
   std::copy(info.force_sd, info.force_sd + joints, message.sd);
+  return message;
+}
+
+bool lcm_tells_of_probing(const tiller_info_t& info) {
+  return info.probing != tiller_probing_none || info.calibration_left > 0 || info.probe_allowed > 0.0;
+}
+
+LcmProbing lcm_probing(const tiller_info_t& info, std::int64_t stamp_us) {
+  LcmProbing message{};
+  message.stamp_us = stamp_us;
+  message.tick = static_cast<std::int64_t>(info.ticks);
+  message.probing = static_cast<std::int32_t>(info.probing);
+  message.calibration_left = static_cast<std::int32_t>(info.calibration_left);
+  message.value = info.probe_value;
+  message.cost = info.probe_cost;
+  message.spent = info.probe_spent;
+  message.allowed = info.probe_allowed;
+  message.information = info.probe_information;
   return message;
 }
 

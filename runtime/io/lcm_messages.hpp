@@ -44,6 +44,12 @@ struct LcmForces {
   double mean[TILLER_MAX_JOINTS], sd[TILLER_MAX_JOINTS];
 };
 
+struct LcmProbing {
+  std::int64_t stamp_us, tick;
+  std::int32_t probing, calibration_left;
+  double value, cost, spent, allowed, information;
+};
+
 struct LcmGoal {
   std::int64_t stamp_us, sequence;
   std::int32_t kind, count;
@@ -148,6 +154,17 @@ inline constexpr LcmField kLcmForcesFields[] = {
   TILLER_LCM_COUNTED(LcmForces, mean, count, TILLER_MAX_JOINTS),
   TILLER_LCM_COUNTED(LcmForces, sd, count, TILLER_MAX_JOINTS),
 };
+inline constexpr LcmField kLcmProbingFields[] = {
+  TILLER_LCM_FIELD(LcmProbing, kInt64,  stamp_us,         0),
+  TILLER_LCM_FIELD(LcmProbing, kInt64,  tick,             0),
+  TILLER_LCM_FIELD(LcmProbing, kInt32,  probing,          0),
+  TILLER_LCM_FIELD(LcmProbing, kInt32,  calibration_left, 0),
+  TILLER_LCM_FIELD(LcmProbing, kDouble, value,            0),
+  TILLER_LCM_FIELD(LcmProbing, kDouble, cost,             0),
+  TILLER_LCM_FIELD(LcmProbing, kDouble, spent,            0),
+  TILLER_LCM_FIELD(LcmProbing, kDouble, allowed,          0),
+  TILLER_LCM_FIELD(LcmProbing, kDouble, information,      0),
+};
 inline constexpr LcmField kLcmGoalFields[] = {
   TILLER_LCM_FIELD(LcmGoal, kInt64,  stamp_us, 0),
   TILLER_LCM_FIELD(LcmGoal, kInt64,  sequence, 0),
@@ -167,6 +184,7 @@ inline constexpr LcmType kLcmMeasurementType = make_lcm_type(kLcmMeasurementFiel
 inline constexpr LcmType kLcmCommandType = make_lcm_type(kLcmCommandFields);
 inline constexpr LcmType kLcmTelemetryType = make_lcm_type(kLcmTelemetryFields);
 inline constexpr LcmType kLcmForcesType = make_lcm_type(kLcmForcesFields);
+inline constexpr LcmType kLcmProbingType = make_lcm_type(kLcmProbingFields);
 inline constexpr LcmType kLcmGoalType = make_lcm_type(kLcmGoalFields);
 inline constexpr LcmType kLcmArmType = make_lcm_type(kLcmArmFields);
 inline constexpr LcmType kLcmWideMeasurementType = make_lcm_type(kLcmWideMeasurementFields);
@@ -192,6 +210,7 @@ constexpr const LcmType& lcm_telemetry_type(std::uint32_t states, std::uint32_t 
 [[nodiscard]] bool lcm_read(const std::uint8_t* bytes, std::uint32_t size, LcmCommand& message);
 [[nodiscard]] bool lcm_read(const std::uint8_t* bytes, std::uint32_t size, LcmTelemetry& message);
 [[nodiscard]] bool lcm_read(const std::uint8_t* bytes, std::uint32_t size, LcmForces& message);
+[[nodiscard]] bool lcm_read(const std::uint8_t* bytes, std::uint32_t size, LcmProbing& message);
 [[nodiscard]] bool lcm_read(const std::uint8_t* bytes, std::uint32_t size, LcmGoal& message);
 [[nodiscard]] bool lcm_read(const std::uint8_t* bytes, std::uint32_t size, LcmArm& message);
 
@@ -212,5 +231,8 @@ LcmTelemetry lcm_message(const tiller_info_t& info, std::int64_t stamp_us, std::
                          std::uint32_t param_count, const LogState& log);
 /// What the posterior believes to push the joints; no joints where it looks for nothing.
 LcmForces lcm_forces(const tiller_info_t& info, std::int64_t stamp_us);
+/// Whether a robot does anything to find out, and what.
+bool lcm_tells_of_probing(const tiller_info_t& info);
+LcmProbing lcm_probing(const tiller_info_t& info, std::int64_t stamp_us);
 
 }  // namespace tiller

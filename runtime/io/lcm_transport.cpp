@@ -195,6 +195,7 @@ void name_channels(LcmTransport* transport, const char* prefix) {
   std::snprintf(transport->command_channel, LcmTransport::kMaxChannel, "%sCOMMAND", prefix);
   std::snprintf(transport->telemetry_channel, LcmTransport::kMaxChannel, "%sTELEMETRY", prefix);
   std::snprintf(transport->forces_channel, LcmTransport::kMaxChannel, "%sFORCES", prefix);
+  std::snprintf(transport->probing_channel, LcmTransport::kMaxChannel, "%sPROBING", prefix);
 }
 
 tiller_status_t make_seal(LcmTransport* transport, const LcmOptions& options, OpenError* error) {
@@ -285,11 +286,15 @@ tiller_status_t lcm_send_telemetry(LcmTransport* transport, std::int64_t stamp_u
   if (!is_open(transport)) return tiller_status_transport_closed;
   if (state_count > TILLER_MAX_STATES || param_count > TILLER_MAX_PARAMS) return tiller_status_bad_dimension;
   const LcmTelemetry message = lcm_message(info, stamp_us, state_count, param_count, log);
-  const tiller_status_t status =
+  tiller_status_t status =
       publish(transport, transport->telemetry_channel, &lcm_telemetry_type(state_count, param_count), &message);
-  if (status != tiller_status_ok || info.force_joints == 0) return status;
-  const LcmForces forces = lcm_forces(info, stamp_us);
-  return publish(transport, transport->forces_channel, &kLcmForcesType, &forces);
+  if (status == tiller_status_ok && info.force_joints > 0) {
+    const LcmForces forces = lcm_forces(info, stamp_us);
+    status = publish(transport, transport->forces_channel, &kLcmForcesType, &forces);
+  }
+  if (status != tiller_status_ok || !lcm_tells_of_probing(info)) return status;
+  const LcmProbing probing = lcm_probing(info, stamp_us);
+  return publish(transport, transport->probing_channel, &kLcmProbingType, &probing);
 }
 
 }  // namespace tiller

@@ -52,7 +52,7 @@ struct LcmTransport {
   char measurement_channel[kMaxChannel] = "";
   char command_channel[kMaxChannel] = "";
   char telemetry_channel[kMaxChannel] = "";
-  char forces_channel[kMaxChannel] = "";
+  char forces_channel[kMaxChannel] = "", probing_channel[kMaxChannel] = "";
   MessageSeal seal;
   std::uint64_t challenged = 0;  ///< authentic messages that answered no challenge, or one of too long ago
   std::uint32_t packets_sent = 0;
@@ -72,7 +72,7 @@ extern const tiller_transport_t kLcmTransport;
 /// takes milliseconds here, and seconds where multicast does not work.
 [[nodiscard]] tiller_status_t lcm_transport_open(LcmTransport* transport, const LcmOptions& options, OpenError* error);
 
-/// Telemetry of the controller, and behind it the forces beyond the model, if the posterior looks for them. Cost: one
+/// Telemetry of the controller, and behind it the forces beyond the model and what it does to find out, if there are any. Cost: one
 /// encode of 700 bytes and one sendto; the forces are one more, of at most 300 bytes.
 tiller_status_t lcm_send_telemetry(LcmTransport* transport, std::int64_t stamp_us, const tiller_info_t& info,
                                    std::uint32_t state_count, std::uint32_t param_count, const LogState& log = {});

@@ -17,6 +17,7 @@
 #include "tiller_lcm/forces_t.hpp"
 #include "tiller_lcm/goal_t.hpp"
 #include "tiller_lcm/measurement_t.hpp"
+#include "tiller_lcm/probing_t.hpp"
 #include "tiller_lcm/telemetry_t.hpp"
 #include "tiller_lcm/wide_command_t.hpp"
 #include "tiller_lcm/wide_measurement_t.hpp"
@@ -130,6 +131,7 @@ TEST(LcmCodec, WideTypesAreLcmGensAtEveryCount) {
   EXPECT_EQ(static_cast<std::uint64_t>(tiller_lcm::arm_t::getHash()), kLcmArmType.fingerprint);
   EXPECT_EQ(static_cast<std::uint64_t>(tiller_lcm::wide_telemetry_t::getHash()), kLcmWideTelemetryType.fingerprint);
   EXPECT_EQ(static_cast<std::uint64_t>(tiller_lcm::forces_t::getHash()), kLcmForcesType.fingerprint);
+  EXPECT_EQ(static_cast<std::uint64_t>(tiller_lcm::probing_t::getHash()), kLcmProbingType.fingerprint);
   for (int count = 0; count <= TILLER_MAX_JOINTS; ++count) {
     tiller_lcm::forces_t f{};
     f.stamp_us = -4;

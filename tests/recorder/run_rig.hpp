@@ -104,7 +104,7 @@ inline LoggedTick pushed_tick(std::uint64_t k) {
   tick.info.touched = k % 3 == 1 ? 1 : 0;
   tick.info.force_mean[0] = -1.0 / (3.0 + static_cast<double>(k));
   tick.info.force_sd[0] = k == 0 ? 5e-324 : 1.0 / 7.0;
-  take_forces(tick.info, tick.entry);
+  take_news(tick.info, tick.entry);
   return tick;
 }
 

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cstdio>
 #include <memory>
 #include <utility>
@@ -13,7 +14,6 @@ namespace {
 struct Arguments {
   std::string robot, log, through = "file";
   ReplayOptions options;
-  double calibrate_s = 0;
   Overrides overrides;
 };
 
@@ -41,12 +41,11 @@ int replay_command(Arguments a) {
   const auto robot = read_robot(a);
   if (!robot || !apply_overrides(a.overrides, *robot)) return kExitBadInput;
   std::string error;
-  if (a.calibrate_s > 0) {
-    robot->calibration.seconds = a.calibrate_s;
-    if (!allow_calibration(*robot, error)) return complain(error);
-  }
   RecordedRun run;
   if (!read_recorded_run(a.log, *robot, run, error)) return complain(error);
+  const auto calibrates = [](const RecordEntry& entry) { return entry.probe.calibration_left > 0; };
+  if (std::any_of(run.entries.begin(), run.entries.end(), calibrates) && !allow_calibration(*robot, error))
+    return complain(error);
   if (!run.note.empty()) std::printf("%s: %s\n", a.log.c_str(), run.note.c_str());
   ReplayOptions options = a.options;
   options.url = robot->transport.url;
@@ -58,8 +57,7 @@ int replay_command(Arguments a) {
   if (!done) return complain(a.log + ": " + error);
   if (result.lost_calls > 0)
     std::printf(
-        "%zu ticks: the record kept eight of more calls before each, or a calibration wants --calibrate with the run's "
-        "seconds\n",
+        "%zu ticks: the record kept eight of more calls before each, or a calibration has no box in the robot file\n",
         result.lost_calls);
   std::fputs(divergence_text(*robot, run, result).c_str(), stdout);
   std::printf("%zu ticks replayed on %s, %zu different%s", result.ticks, lcm ? "LCM" : tiller_instruction_set(),
@@ -86,8 +84,6 @@ void add_replay_command(CLI::App& app, int& exit_code) {
           "or ULog from elsewhere, whose inputs are compared")
       ->required();
   command->add_option("ROBOT", a->robot, "the robot file of that run; an MCAP carries it");
-  command->add_option("--calibrate", a->calibrate_s, "the seconds that `tiller run --calibrate` was given")
-      ->check(number_between(0.001, 3600));
   command
       ->add_option("--tolerance", a->options.tolerance,
                    "largest difference of a command that counts as the same, in the input's unit (default: none, to "

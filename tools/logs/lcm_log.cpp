@@ -44,9 +44,13 @@ void LcmLog::add(const RecordEntry& entry, const tiller_info_t& info, const LogS
   event("COMMAND", r.now_us, lcm_command_type(nu), &command);
   const LcmTelemetry telemetry = lcm_message(info, r.now_us, nx, c.param_count, log);
   event("TELEMETRY", r.now_us, lcm_telemetry_type(nx, c.param_count), &telemetry);
-  if (info.force_joints == 0) return;
-  const LcmForces forces = lcm_forces(info, r.now_us);
-  event("FORCES", r.now_us, kLcmForcesType, &forces);
+  if (info.force_joints > 0) {
+    const LcmForces forces = lcm_forces(info, r.now_us);
+    event("FORCES", r.now_us, kLcmForcesType, &forces);
+  }
+  if (!lcm_tells_of_probing(info)) return;
+  const LcmProbing probing = lcm_probing(info, r.now_us);
+  event("PROBING", r.now_us, kLcmProbingType, &probing);
 }
 
 }  // namespace tiller::tools

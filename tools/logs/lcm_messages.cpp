@@ -43,6 +43,7 @@ class Reader {
     if (event.channel == prefix_ + "COMMAND") take_command(event);
     if (event.channel == prefix_ + "TELEMETRY") take_telemetry(event);
     if (event.channel == prefix_ + "FORCES") take_forces(event);
+    if (event.channel == prefix_ + "PROBING") take_probing(event);
     if (channels_.size() < kMostChannels || channels_.count(event.channel) > 0) ++channels_[event.channel];
   }
 
@@ -108,6 +109,11 @@ class Reader {
   void take_forces(const LcmEvent& event) {
     LcmForces forces;
     if (read_event(event, forces)) sink_.take_forces(forces);
+  }
+
+  void take_probing(const LcmEvent& event) {
+    LcmProbing probing;
+    if (read_event(event, probing)) sink_.take_probing(probing);
   }
 
   std::string channels_text() const {

@@ -27,9 +27,10 @@ class LcmSink {
   virtual void take_command(const LcmCommand& command, const LcmArrived* answered, const LcmArrived* waiting) = 0;
   virtual void take_telemetry(const LcmTelemetry& telemetry) { (void)telemetry; }
   virtual void take_forces(const LcmForces& forces) { (void)forces; }
+  virtual void take_probing(const LcmProbing& probing) { (void)probing; }
 };
 
-/// The one reader of a log of LCM: channels <prefix>MEASUREMENT, COMMAND, TELEMETRY and FORCES of the robot, front to
+/// The one reader of a log of LCM: channels <prefix>MEASUREMENT, COMMAND, TELEMETRY, FORCES and PROBING of the robot, front to
 /// back. A message that came again is told once: a plant in lockstep asks again where an answer was lost, and gets the
 /// same command again. `damage` says what is wrong with the file itself. False with the reason in `error`: no
 /// measurements or no commands, measurements of another robot, or of two plants at once.

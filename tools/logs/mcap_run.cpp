@@ -76,6 +76,9 @@ Json tick_schema(const RobotFile& robot) {
   for (const char* name : {"state", "status"}) schema["properties"][name] = {{"type", "string"}};
   schema["properties"]["mean"] = object_schema({}, numbers);
   schema["properties"]["sd"] = object_schema({}, robot.names.params);
+  if (robot.config.probe.weight > 0.0)
+    schema["properties"]["probe"] = 
+        object_schema({"probing", "calibration_left"}, {"value", "cost", "spent", "allowed", "information"});
   const Words forces = felt_forces(robot.config);
   if (forces.empty()) return schema;
   Json force = object_schema({"touched"}, {});
@@ -105,6 +108,12 @@ Json force_json(const Words& forces, const RecordEntry& entry) {
   return {{"mean", mean}, {"sd", sd}, {"touched", entry.touched}};
 }
 
+Json probe_json(const ProbeAccount& p) {
+  return {{"probing", p.probing},      {"calibration_left", p.calibration_left}, {"value", exact(p.value)},
+          {"cost", exact(p.cost)},     {"spent", exact(p.spent)},                {"allowed", exact(p.allowed)},
+          {"information", exact(p.information)}};
+}
+
 std::string tick_json(const RobotFile& robot, const RecordEntry& entry) {
   const tiller_record_t& r = entry.record;
   Json json = {{"tick", r.tick},
@@ -128,6 +137,7 @@ std::string tick_json(const RobotFile& robot, const RecordEntry& entry) {
   json["mean"] = mean;
   json["sd"] = sd;
   if (const Words forces = felt_forces(robot.config); !forces.empty()) json["force"] = force_json(forces, entry);
+  if (robot.config.probe.weight > 0.0) json["probe"] = probe_json(entry.probe);
   if (entry.goal != 0) {
     Json goal = Json::object();
     if ((entry.goal & kGoalStates) != 0) put(goal, robot.names.states, entry.target);
@@ -174,6 +184,16 @@ bool take_forces(const RobotFile& robot, const Json& json, RecordEntry& entry) {
          holds("sd", entry.force_sd);
 }
 
+/// What was done to find out; nothing in a log from before it was told.
+bool take_probe(const Json& json, ProbeAccount& p) {
+  if (!json.contains("probe")) return true;
+  const Json& probe = json["probe"];
+  const auto number = [&](const char* name, double& value) { return probe.contains(name) && take(probe[name], value); };
+  return probe.is_object() && take(probe, "probing", p.probing) && take(probe, "calibration_left", p.calibration_left) &&
+         number("value", p.value) && number("cost", p.cost) && number("spent", p.spent) &&
+         number("allowed", p.allowed) && number("information", p.information);
+}
+
 bool take_tick(const RobotFile& robot, const Json& json, RecordEntry& entry) {
   tiller_record_t& r = entry.record;
   const auto is_object = [&](const char* name) { return json.contains(name) && json[name].is_object(); };
@@ -185,7 +205,8 @@ bool take_tick(const RobotFile& robot, const Json& json, RecordEntry& entry) {
          take(json["mean"], robot.names.params, r.param_mean) && take(json["sd"], robot.names.params, r.param_sd) &&
          json.contains("plan_cost") && take(json["plan_cost"], r.plan_cost) && json.contains("effective_samples") &&
          take(json["effective_samples"], r.effective_samples) && json.contains("noise_scale") &&
-         take(json["noise_scale"], r.noise_scale) && take_goal(robot, json, entry) && take_forces(robot, json, entry);
+         take(json["noise_scale"], r.noise_scale) && take_goal(robot, json, entry) && take_forces(robot, json, entry) &&
+         take_probe(json, entry.probe);
 }
 
 std::string text_of(const std::string& path) {

@@ -29,11 +29,13 @@ bool read_joint(std::istream& file, std::shared_ptr<const JointPrior>& joint) {
 }
 }  // namespace
 
-void take_forces(const tiller_info_t& info, RecordEntry& entry) {
+void take_news(const tiller_info_t& info, RecordEntry& entry) {
   entry.force_joints = info.force_joints;
   entry.touched = info.touched;
   std::copy(std::begin(info.force_mean), std::end(info.force_mean), entry.force_mean);
   std::copy(std::begin(info.force_sd), std::end(info.force_sd), entry.force_sd);
+  entry.probe = {info.probing,     info.calibration_left, info.probe_value,      info.probe_cost,
+                 info.probe_spent, info.probe_allowed,    info.probe_information};
 }
 
 std::string record_header(const tiller_config_t& config) {

@@ -12,6 +12,12 @@
 
 namespace tiller::tools {
 
+/// What was done to find out, as in tiller_info_t; zeros: nothing, or the log tells nothing.
+struct ProbeAccount {
+  std::uint32_t probing = 0, calibration_left = 0;
+  double value = 0.0, cost = 0.0, spent = 0.0, allowed = 0.0, information = 0.0;
+};
+
 /// One tick of a record file: what the host did to the controller before it, then the tick itself.
 struct RecordEntry {
   std::uint32_t stop_status = 0;  ///< tiller_stop with this status before the tick; 0: not
@@ -22,11 +28,12 @@ struct RecordEntry {
   /// Forces beyond the model after the tick, as in tiller_info_t. No joints: the log tells none.
   std::uint32_t force_joints = 0, touched = 0;
   double force_mean[TILLER_MAX_JOINTS] = {}, force_sd[TILLER_MAX_JOINTS] = {};
+  ProbeAccount probe;  ///< after the tick
 };
 constexpr std::uint32_t kGoalStates = 1u, kGoalOutputs = 2u;
 
-/// The forces that the controller tells of after a tick.
-void take_forces(const tiller_info_t& info, RecordEntry& entry);
+/// Forces, and what was done to find out, that the controller tells of after a tick.
+void take_news(const tiller_info_t& info, RecordEntry& entry);
 
 /// Record files are of one build of tiller: structs as they are in memory. Layout: "TILLREC2", uint32 sizes of
 /// Config and of RecordEntry, the configuration with its arrays and its pointers zero, uint32 components and dimension

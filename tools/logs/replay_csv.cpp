@@ -120,6 +120,18 @@ void take_forces(const RobotFile& robot, CsvRow& row, RecordEntry& entry) {
   row.integer("touched", entry.touched);
 }
 
+/// What was done to find out, where the robot may do so.
+void take_probing(CsvRow& row, ProbeAccount& probe) {
+  if (!row.has("calibration_left")) return;
+  row.integer("probing", probe.probing);
+  row.integer("calibration_left", probe.calibration_left);
+  row.number("probe_value", probe.value);
+  row.number("probe_cost", probe.cost);
+  row.number("probe_spent", probe.spent);
+  row.number("probe_allowed", probe.allowed);
+  row.number("probe_information", probe.information);
+}
+
 RecordEntry entry_of(const RobotFile& robot, CsvRow& row) {
   static const CodeNames statuses =
       code_names(kStatusCodes, [](int code) { return tiller_status_name(static_cast<tiller_status_t>(code)); });
@@ -140,6 +152,7 @@ RecordEntry entry_of(const RobotFile& robot, CsvRow& row) {
   take_parameters(robot, row, r);
   take_goal(robot, row, entry);
   take_forces(robot, row, entry);
+  take_probing(row, entry.probe);
   r.has_measurement = row.is_empty("stamp_us") ? 0 : 1;
   if (r.has_measurement != 0) {
     take_measurement(robot, row, r.measurement);

@@ -23,6 +23,7 @@ struct Answer {
   bool told = false;
   LcmTelemetry telemetry{};
   LcmForces forces{};         ///< no joints: none were logged
+  LcmProbing probing{};       ///< zeros: none was logged
   bool has_answered = false;  ///< `answered` is the measurement that it answers
   tiller_measurement_t answered{};
   bool has_waiting = false;  ///< `waiting` is the newest one that came since the command before
@@ -46,29 +47,37 @@ class Answers : public LcmSink {
 
   void take_telemetry(const LcmTelemetry& t) override {
     if (t.tick < 1 || t.tick > kMostTicks) return;
-    const std::size_t newest = list.size(), oldest = newest - std::min(newest, kMostBack);
-    for (std::size_t i = newest; i > oldest; --i) {
-      Answer& answer = list[i - 1];
-      if (answer.told || answer.command.stamp_us != t.stamp_us) continue;
-      answer.telemetry = t;
-      answer.told = true;
-      return;
-    }
+    Answer* const answer = newest([&](const Answer& a) { return !a.told && a.command.stamp_us == t.stamp_us; });
+    if (!answer) return;
+    answer->telemetry = t;
+    answer->told = true;
   }
 
   void take_forces(const LcmForces& f) override {
-    const std::size_t newest = list.size(), oldest = newest - std::min(newest, kMostBack);
-    for (std::size_t i = newest; i > oldest; --i) {
-      Answer& answer = list[i - 1];
-      if (!answer.told || answer.telemetry.tick != f.tick || answer.command.stamp_us != f.stamp_us) continue;
-      answer.forces = f;
-      return;
-    }
+    if (Answer* const answer = told_of(f.tick, f.stamp_us)) answer->forces = f;
+  }
+
+  void take_probing(const LcmProbing& p) override {
+    if (Answer* const answer = told_of(p.tick, p.stamp_us)) answer->probing = p;
   }
 
   std::vector<Answer> list;
 
  private:
+  /// The newest of the last answers that fits; null: none does.
+  template <class Fits>
+  Answer* newest(const Fits& fits) {
+    const std::size_t end = list.size(), oldest = end - std::min(end, kMostBack);
+    for (std::size_t i = end; i > oldest; --i)
+      if (fits(list[i - 1])) return &list[i - 1];
+    return nullptr;
+  }
+  Answer* told_of(std::int64_t tick, std::int64_t stamp_us) {
+    return newest([&](const Answer& a) {
+      return a.told && a.telemetry.tick == tick && a.command.stamp_us == stamp_us;
+    });
+  }
+
   static constexpr std::size_t kMostBack = 4;                        // how far telemetry may come behind its command
   static constexpr std::int64_t kMostTicks = std::int64_t{1} << 53;  // more is no number of a tick
 };
@@ -156,6 +165,16 @@ void take_forces(const LcmForces& forces, RecordEntry& entry) {
   std::copy(std::begin(forces.sd), std::end(forces.sd), entry.force_sd);
 }
 
+void take_probing(const LcmProbing& p, ProbeAccount& probe) {
+  probe = {static_cast<std::uint32_t>(p.probing),
+           static_cast<std::uint32_t>(p.calibration_left),
+           p.value,
+           p.cost,
+           p.spent,
+           p.allowed,
+           p.information};
+}
+
 RecordEntry entry_of(const RobotFile& robot, const Answer& answer, bool lockstep, const Foresight& foresight) {
   RecordEntry entry;
   tiller_record_t& r = entry.record;
@@ -206,10 +225,15 @@ void find_lost_messages(const RobotFile& robot, const std::vector<Answer>& ticks
 bool moves(std::uint32_t state) { return state == tiller_state_active || state == tiller_state_hold; }
 
 /// What `tiller run` does between two ticks, as the state before and after shows it: prepares after each, arms,
-/// disarms, and stops on a fault of the transport.
-void add_calls(const Answer& answer, bool first, std::uint32_t before, RecordEntry& entry) {
+/// disarms, and stops on a fault of the transport; a calibration that begins has more periods left than one that goes on.
+void add_calls(const Answer& answer, bool first, std::uint32_t before, std::int32_t periods_before,
+               RecordEntry& entry) {
   const std::uint32_t state = answer.command.state;
   std::uint32_t calls = first ? 0u : tiller_call_prepare, shift = first ? 0 : 4;
+  if (answer.probing.calibration_left > periods_before) {
+    calls |= std::uint32_t{tiller_call_calibrate} << shift;
+    shift += 4;
+  }
   if (moves(state) && !moves(before)) calls |= std::uint32_t{tiller_call_arm} << shift;
   if (moves(before) && state == tiller_state_standby) calls |= std::uint32_t{tiller_call_disarm} << shift;
   const bool stopped = answer.told && state == tiller_state_safe && before != tiller_state_safe &&
@@ -246,13 +270,16 @@ bool read_lcm_run(std::istream& file, const std::string& path, const RobotFile& 
   const bool lockstep = std::all_of(ticks.begin(), ticks.end(), stands_at_its_stamp);
   Foresight foresight;
   std::uint32_t before = tiller_state_init;
+  std::int32_t periods_before = 0;
   for (const Answer& answer : ticks) {
     RecordEntry entry = entry_of(robot, answer, lockstep, foresight);
     entry.record.tick = answer.tick;
-    add_calls(answer, run.entries.empty(), before, entry);
+    add_calls(answer, run.entries.empty(), before, periods_before, entry);
+    if (answer.probing.tick > 0) periods_before = answer.probing.calibration_left;
     if (answer.told) {
       take_telemetry(robot, answer, entry);
       take_forces(answer.forces, entry);
+      take_probing(answer.probing, entry.probe);
       foresight.note(answer.telemetry.tick_ns);
     }
     before = answer.command.state;

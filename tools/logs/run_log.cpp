@@ -52,7 +52,7 @@ std::string RunLog::header() const {
   if (!forces.empty()) columns.emplace_back("touched");
   for (const char* prefix : {"force.mean.", "force.sd."}) add_all(prefix, frames_.names());
   if (robot_.config.probe.weight > 0.0)
-    add_all("", {"probing", "probe_value", "probe_cost", "probe_spent", "probe_allowed", "probe_information"});
+    add_all("", {"probing", "calibration_left", "probe_value", "probe_cost", "probe_spent", "probe_allowed", "probe_information"});
   if (goals_ != 0) columns.emplace_back("goal");
   if ((goals_ & kGoalStates) != 0) add_all("goal.", robot_.names.states);
   if ((goals_ & kGoalOutputs) != 0) add_all("goal.", robot_.names.outputs);
@@ -112,9 +112,10 @@ void RunLog::task(const LoggedTick& tick) {
   if (robot_.config.probe.weight > 0.0) {
     const tiller_info_t& info = tick.info;
     cell(std::to_string(info.probing));
+    cell(std::to_string(info.calibration_left));
     for (const double value :
          {info.probe_value, info.probe_cost, info.probe_spent, info.probe_allowed, info.probe_information})
-      number(value);
+      exact(value);
   }
   if (goals_ != 0) cell(std::to_string(tick.entry.goal));
   for (std::size_t i = 0; (goals_ & kGoalStates) != 0 && i < robot_.names.states.size(); ++i)

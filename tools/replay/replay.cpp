@@ -18,6 +18,12 @@ struct FreeBlock {
   void operator()(void* block) const { std::free(block); }
 };
 
+/// Periods that a calibration had which began before the tick: those left, and that of the tick where it moved.
+std::uint32_t periods_at(const RecordEntry& entry) {
+  const std::uint32_t state = entry.record.command.state;
+  return entry.probe.calibration_left + (state == tiller_state_active || state == tiller_state_hold ? 1 : 0);
+}
+
 /// Calls of the host on the controller before the tick, in their order. False: more than the record keeps.
 bool repeat_calls(const RobotFile& robot, tiller_t* controller, const RecordEntry& entry) {
   bool set_goal = false;
@@ -29,7 +35,7 @@ bool repeat_calls(const RobotFile& robot, tiller_t* controller, const RecordEntr
       case tiller_call_reset: (void)tiller_reset(controller); break;
       case tiller_call_prepare: (void)tiller_prepare(controller); break;
       case tiller_call_calibrate:
-        if (start_calibration(robot, controller) != tiller_status_ok) return false;
+        if (start_calibration(robot, periods_at(entry), controller) != tiller_status_ok) return false;
         break;
       case tiller_call_goal:  // once for all: of several in a row the last one counts
         if (set_goal) break;

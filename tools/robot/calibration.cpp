@@ -58,7 +58,11 @@ bool allow_calibration(RobotFile& robot, std::string& error) {
   return true;
 }
 
-tiller_status_t start_calibration(const RobotFile& robot, tiller_t* controller) {
+std::uint32_t calibration_periods(const RobotFile& robot) {
+  return static_cast<std::uint32_t>(std::ceil(robot.calibration.seconds / robot.config.period_s - 1e-9));
+}
+
+tiller_status_t start_calibration(const RobotFile& robot, std::uint32_t periods, tiller_t* controller) {
   const CalibrationSection& c = robot.calibration;
   std::vector<double> state_low, state_high, input_low, input_high;
   const auto narrow = [](const double* outer, const std::vector<double>& drawn, std::vector<double>& all) {
@@ -75,8 +79,7 @@ tiller_status_t start_calibration(const RobotFile& robot, tiller_t* controller) 
   box.state_high = state_high.data();
   box.input_low = input_low.data();
   box.input_high = input_high.data();
-  const double periods = std::ceil(c.seconds / robot.config.period_s - 1e-9);
-  return tiller_calibrate(controller, &box, static_cast<std::uint32_t>(periods));
+  return tiller_calibrate(controller, &box, periods);
 }
 
 }  // namespace tiller::tools

@@ -103,7 +103,7 @@ class Runner {
 
   bool calibrate(std::string& error) {
     if (!options_.calibrate) return true;
-    const tiller_status_t status = start_calibration(robot_, host_.get());
+    const tiller_status_t status = start_calibration(robot_, calibration_periods(robot_), host_.get());
     if (status != tiller_status_ok) error = robot_.path + ": --calibrate: " + tiller_status_text(status);
     return status == tiller_status_ok;
   }
