@@ -93,7 +93,7 @@ bool open_link(const Arguments& a, const RobotFile& robot, Opened& opened, std::
 
 /// The page, from wherever the whole log is.
 int report_run(const Arguments& a, const RobotFile& robot, const RunResult& result,
-               const std::vector<double>& true_params) {
+               const std::vector<double>& true_params, const std::vector<double>& sd_without_probing) {
   if (a.report.empty()) return result.exit_code;
   if (result.files.readable_log.empty()) {
     complain("no report: the log that it is made from is not complete");
@@ -103,13 +103,34 @@ int report_run(const Arguments& a, const RobotFile& robot, const RunResult& resu
   const bool safe = result.exit_code == kExitSafe;
   const auto fault = static_cast<tiller_status_t>(result.info.first_fault);
   const std::string outcome = safe ? std::string("ended in SAFE: ") + tiller_status_text(fault) : "";
-  if (write_run_facts(robot, result, {robot.name, outcome, !safe, true_params}, error) &&
+  if (write_run_facts(robot, result, {robot.name, outcome, !safe, true_params, sd_without_probing}, error) &&
       write_report(result.files.readable_log, a.report, error)) {
     std::printf("report: %s\n", std::filesystem::absolute(a.report).c_str());
     return result.exit_code;
   }
   complain(error);
   return result.exit_code ? result.exit_code : static_cast<int>(kExitLogIncomplete);
+}
+
+/// Deviations of the parameters at the end of the same simulated run, had it not been moved to find out: what the page
+/// compares with. Empty: nothing was, or there is no plant that starts again.
+std::vector<double> run_without_probing(const Arguments& a, const RobotFile& robot, RunOptions options,
+                                        const RunResult& probed) {
+  const bool repeatable = a.sim && !a.real_time && a.episodes == 1 && !a.refits() && options.lcm_goals == nullptr;
+  if (a.report.empty() || !repeatable || !(robot.config.probe.weight > 0.0) || probed.exit_code != kExitOk) return {};
+  RobotFile without = robot;
+  without.config.probe.weight = 0.0;
+  options.files = {};
+  options.quiet = true;
+  options.calibrate = false;
+  options.arm_sources.clear();
+  Opened opened;
+  std::string error;
+  if (!open_link(a, without, opened, error)) return {};
+  if (!a.quiet) std::printf("the same run without probing, for the page ...\n");
+  const RunResult result = run_robot(without, *opened.link, options);
+  if (result.exit_code != kExitOk) return {};
+  return {result.info.param_sd, result.info.param_sd + robot.config.param_count};
 }
 
 /// Beside the run's other files; without any, in the working folder under the robot file's name.
@@ -306,7 +327,8 @@ int run_command(Arguments& a) {
   if (!all.last.files.readable_log.empty()) std::printf("log: %s\n", all.last.files.readable_log.c_str());
   tell_next_step(a, all.last);
   write_histogram(a, all.last);
-  const int reported = report_run(a, *robot, all.last, opened.true_params);
+  const std::vector<double> sd_without = run_without_probing(a, *robot, episodes.run, all.last);
+  const int reported = report_run(a, *robot, all.last, opened.true_params, sd_without);
   return all.exit_code ? all.exit_code : reported;
 }
 

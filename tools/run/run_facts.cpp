@@ -248,6 +248,9 @@ std::string run_facts_json(const RobotFile& robot, const RunResult& result, cons
   for (std::size_t i = 0; i < edges.size() && c.posterior.enabled; ++i)
     if (edges[i].side != EdgeSide::none)
       json["edges"][robot.names.params[i]] = edge_json(robot.names.params[i], edges[i]);
+  for (std::size_t i = 0; i < story.sd_without_probing.size(); ++i)
+    if (c.priors[i].kind != tiller_prior_fixed)
+      json["sd_without_probing"][robot.names.params[i]] = story.sd_without_probing[i];
   if (c.planner.predict_spread != 0) json["foreseen_s"] = Foresight::steps_ahead(c.planner.horizon) * c.period_s;
   json["facts"] = facts(robot, result);
   add_figure(robot, story.true_params, json);

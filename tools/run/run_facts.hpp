@@ -13,6 +13,8 @@ struct RunStory {
   std::string outcome;  ///< one sentence; empty: none
   bool good = true;
   std::vector<double> true_params = {};  ///< (param_count, NaN: not known) of the plant; empty: none known
+  /// (param_count) deviations at the end of the same run without probing; empty: there was none
+  std::vector<double> sd_without_probing = {};
 };
 
 /// Its text: what the log's columns are, with their units, and what the log does not say.

@@ -461,14 +461,17 @@ def probing_section(run: Run) -> str:
     tried = page.svg(figure, "Of the plans that went out: what they were expected to save by what they tell.")
     moved = np.flatnonzero(column > 0)
     first, last = moved[0], moved[-1]
+    without = run.meta.get("sd_without_probing", {})
     body = []
     for name in run.params:
         sd = run.table[f"sd.{name}"]
-        body.append([name, page.number(sd[first], 2), page.number(sd[last], 2), page.number(sd[-1], 2)])
+        body.append([name, page.number(sd[first], 2), page.number(sd[last], 2), page.number(sd[-1], 2)] +
+                    ([page.number(without[name], 2)] if without else []))
     period = float(np.median(np.diff(run.time)))
     seconds = [f"{np.sum(column == kind) * period:.1f} s {what}" for kind, what in ((2, "calibrating"), (1, "probing"))
                if np.any(column == kind)]
-    table = page.rows(["parameter", "sd when it began", "when it ended", "at the end"], body)
+    table = page.rows(["parameter", "sd when it began", "when it ended", "at the end"] +
+                      (["at the end of the same run without it"] if without else []), body)
     return f"<h2>What was found out on purpose</h2><p>{' and '.join(seconds)}.</p>" + table + page.grid(
         [account, tried] if np.any(column == 1) else [])
 
