@@ -20,7 +20,7 @@ constexpr double kFolds = 5.0;       // log2 from the widest to the finest of th
 constexpr double kRefined = 0.15;    // width of the second round, of the first
 constexpr float kLogistic = 1.702f;  // 1 / (1 + exp(-1.702 z)) is the normal distribution to 0.01, with heavier tails
 
-constexpr float kFar = 6.0f;         // deviations from a bound that is never passed
+constexpr float kFar = 6.0f;  // deviations from a bound that is never passed
 
 /// Share of a normal variable that lies beyond a bound `z` deviations away. exp(x) is (1 + x/256)^256, by which the
 /// share is 2 % high at 0.05: no calls, for lanes.

@@ -77,7 +77,7 @@ Json tick_schema(const RobotFile& robot) {
   schema["properties"]["mean"] = object_schema({}, numbers);
   schema["properties"]["sd"] = object_schema({}, robot.names.params);
   if (robot.config.probe.weight > 0.0)
-    schema["properties"]["probe"] = 
+    schema["properties"]["probe"] =
         object_schema({"probing", "calibration_left"}, {"value", "cost", "spent", "allowed", "information"});
   const Words forces = felt_forces(robot.config);
   if (forces.empty()) return schema;
@@ -109,8 +109,12 @@ Json force_json(const Words& forces, const RecordEntry& entry) {
 }
 
 Json probe_json(const ProbeAccount& p) {
-  return {{"probing", p.probing},      {"calibration_left", p.calibration_left}, {"value", exact(p.value)},
-          {"cost", exact(p.cost)},     {"spent", exact(p.spent)},                {"allowed", exact(p.allowed)},
+  return {{"probing", p.probing},
+          {"calibration_left", p.calibration_left},
+          {"value", exact(p.value)},
+          {"cost", exact(p.cost)},
+          {"spent", exact(p.spent)},
+          {"allowed", exact(p.allowed)},
           {"information", exact(p.information)}};
 }
 
@@ -189,9 +193,9 @@ bool take_probe(const Json& json, ProbeAccount& p) {
   if (!json.contains("probe")) return true;
   const Json& probe = json["probe"];
   const auto number = [&](const char* name, double& value) { return probe.contains(name) && take(probe[name], value); };
-  return probe.is_object() && take(probe, "probing", p.probing) && take(probe, "calibration_left", p.calibration_left) &&
-         number("value", p.value) && number("cost", p.cost) && number("spent", p.spent) &&
-         number("allowed", p.allowed) && number("information", p.information);
+  return probe.is_object() && take(probe, "probing", p.probing) &&
+         take(probe, "calibration_left", p.calibration_left) && number("value", p.value) && number("cost", p.cost) &&
+         number("spent", p.spent) && number("allowed", p.allowed) && number("information", p.information);
 }
 
 bool take_tick(const RobotFile& robot, const Json& json, RecordEntry& entry) {

@@ -73,9 +73,8 @@ class Answers : public LcmSink {
     return nullptr;
   }
   Answer* told_of(std::int64_t tick, std::int64_t stamp_us) {
-    return newest([&](const Answer& a) {
-      return a.told && a.telemetry.tick == tick && a.command.stamp_us == stamp_us;
-    });
+    return newest(
+        [&](const Answer& a) { return a.told && a.telemetry.tick == tick && a.command.stamp_us == stamp_us; });
   }
 
   static constexpr std::size_t kMostBack = 4;                        // how far telemetry may come behind its command

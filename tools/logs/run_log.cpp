@@ -52,7 +52,8 @@ std::string RunLog::header() const {
   if (!forces.empty()) columns.emplace_back("touched");
   for (const char* prefix : {"force.mean.", "force.sd."}) add_all(prefix, frames_.names());
   if (robot_.config.probe.weight > 0.0)
-    add_all("", {"probing", "calibration_left", "probe_value", "probe_cost", "probe_spent", "probe_allowed", "probe_information"});
+    add_all("", {"probing", "calibration_left", "probe_value", "probe_cost", "probe_spent", "probe_allowed",
+                 "probe_information"});
   if (goals_ != 0) columns.emplace_back("goal");
   if ((goals_ & kGoalStates) != 0) add_all("goal.", robot_.names.states);
   if ((goals_ & kGoalOutputs) != 0) add_all("goal.", robot_.names.outputs);
