@@ -76,6 +76,8 @@ class Executive {
   struct Tick {
     std::int64_t now_us = 0;
     std::int64_t start_ns = 0;
+    std::int64_t planned_ns = 0;                        // the planner came back; 0: it was not asked
+    std::int64_t late_ns = 0;                           // beyond its deadline
     const tiller_measurement_t* measurement = nullptr;  // as it came, nullable
     bool usable = false;                                // new, valid and learned from: a plan can be made
     double elapsed_s = 0.0;                             // since the tick before
@@ -123,6 +125,7 @@ class Executive {
   // plan
   void enter_motion();
   void replan(Tick& tick);
+  void keep_reserve(const Tick& tick);
   const float* probe(Tick& tick, const PlanRequest& request, double ahead_s);
   const float* planned_in_box(Tick& tick);
   bool completes(const PlanResult& result) const;
@@ -185,6 +188,7 @@ class Executive {
   std::uint32_t unrenewed_plans_ = 0;  // in a row, by planners that had no time for an iteration
   static constexpr std::uint32_t kNotForced = 0xffffffffu, kLongest = 0xffffffffu;
   std::uint32_t forced_iterations_ = kNotForced;
+  std::int64_t reserve_ns_ = 0;  // of the deadline, for what comes after the planner
   float* history_ = nullptr;  // (delay_steps x nu) scratch
 };
 

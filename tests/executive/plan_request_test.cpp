@@ -1,6 +1,8 @@
 // A request to a planner: iterations, deadline, and the state where the command takes hold.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "bench.hpp"
 #include "tiller/config.hpp"
 
@@ -38,6 +40,39 @@ TEST(Plan, DeadlineCountsFromTheTicksStartAndNeedsAClock) {
   b.executive->force_iterations(2);
   (void)b.tick();
   EXPECT_EQ(fakes::planner.deadline_ns, 0) << "a replay has no clock";
+}
+
+/// Of a planner that uses its deadline up and needs 20 us to come back; everything else takes 5 us a reading.
+struct SpentClock {
+  std::int64_t now_ns = 0, deadline_ns = 0;
+  static std::int64_t look(void* self) {
+    auto& clock = *static_cast<SpentClock*>(self);
+    clock.now_ns += 5000;
+    if (fakes::planner.deadline_ns == clock.deadline_ns) return clock.now_ns;
+    clock.deadline_ns = fakes::planner.deadline_ns;
+    return clock.now_ns = std::max(clock.now_ns, clock.deadline_ns) + 20000;
+  }
+};
+
+TEST(Plan, TheDeadlineIsTheTicksSoThePlannersIsEarlier) {
+  tiller::Config config = known_pendulum();
+  config.planner.deadline_us = 1000;
+  SpentClock clock;
+  tiller_hooks_t hooks = {};
+  hooks.now_ns = SpentClock::look;
+  hooks.context = &clock;
+  Bench b(config, &hooks);
+  b.activate();
+  EXPECT_GT(b.executive->info().tick_ns, 1000000) << "nobody knows yet what comes after a plan";
+  int over = 0;
+  std::int64_t least = 1000000;
+  for (int k = 0; k < 500; ++k) {
+    (void)b.tick();
+    over += b.executive->info().tick_ns > 1000000;
+    least = std::min(least, b.executive->info().tick_ns);
+  }
+  EXPECT_LE(over, 6) << "one of 128";
+  EXPECT_GT(least, 980000) << "and no more time than that is given away";
 }
 
 TEST(Plan, BeginsWhereTheRobotWillBeWhenTheCommandTakesHold) {
