@@ -69,6 +69,7 @@ class Comparison {
   }
   std::vector<double> first_input() const { return {solution_.u, solution_.u + kInputs}; }
   void forget() {
+    hover_.qp.repeats = false;
     for (int j = 0; j < kHorizon * kInputs; ++j) riccati_.set.held[j] = 0, solution_.u[j] = 0.0;
   }
   QpReport solve_cold() {
@@ -152,6 +153,7 @@ void Comparison::record_loops() {
 
 QpReport Comparison::solve_loop(std::size_t i) {
   hover_.qp.start = loop_[i].data();
+  hover_.qp.repeats = true;  // of these loops the start alone changes, as OSQP is told too
   if (i % kLoopSteps == 0)
     forget();
   else

@@ -43,26 +43,42 @@ struct ActiveSet {
       if (f.held[i] != w.held[i]) changed = i / m + 1;
       f.held[i] = w.held[i];
     }
-    const bool stands = (w.stands || !first) && !end_moved;
+    const bool repeats = qp.repeats && w.sound;
+    const bool stands = (w.stands || repeats || !first) && !end_moved;
     w.stands = false;
-    if (stands && changed == 0 && !first) return Refactor::none;
+    if (stands && changed == 0 && (repeats || !first)) return Refactor::none;
     LqProblem q = qp.lq;
     if (stands && changed == 0) {
       w.kernel->resolve(q, f);
       return Refactor::resolved;
     }
-    q.stands_from = first || end_moved || changed == N ? 0 : static_cast<std::uint32_t>(changed);
+    q.stands_from = (first && !repeats) || end_moved || changed == N ? 0 : static_cast<std::uint32_t>(changed);
     return w.kernel->factorise(q, f) ? Refactor::done : Refactor::failed;
   }
   /// Forward under the gains. Where `clip`, each input is cut to its bounds before the states go on: later inputs then
   /// ask for what they would ask for under the bounds (as in control-limited differential dynamic programming; Tassa,
   /// Mansard, Todorov 2014), which takes a set that is far off to near the right one. False for what is not finite.
   bool roll(bool clip) {
+    for (std::size_t i = 0; i < s; ++i) at.x[i] = qp.start[i];
+    w.kernel->roll(qp.lq, f, at.x, at.u);
+    double size = 0.0;
+    std::size_t first = N;  // stage whose inputs leave their bounds
+    for (std::size_t row = N * m; row-- > 0;) {
+      size += std::fabs(at.u[row]);
+      w.wish[row] = beyond(row, at.u[row]);
+      if (w.wish[row] != 0) first = row / m;
+    }
+    if (clip) roll_clipped(first);
+    return std::isfinite(size);
+  }
+  std::int8_t beyond(std::size_t row, double u) const {
+    return static_cast<std::int8_t>(w.held[row] != 0 ? 0 : u > high(row) ? 1 : u < low(row) ? -1 : 0);
+  }
+  /// From stage `first` on.
+  void roll_clipped(std::size_t first) {
     const LqProblem& q = qp.lq;
     const std::size_t n = q.states;
-    double size = 0.0;
-    for (std::size_t i = 0; i < s; ++i) at.x[i] = qp.start[i];
-    for (std::size_t k = 0; k < N; ++k) {
+    for (std::size_t k = first; k < N; ++k) {
       const double* x = at.x + k * s;
       double *next = at.x + (k + 1) * s, *u = at.u + k * m;
       for (std::size_t i = 0; i < m; ++i) {
@@ -70,9 +86,8 @@ struct ActiveSet {
         const double* gain = f.gain + row * s;
         double sum = f.step[row];
         for (std::size_t j = 0; j < s; ++j) sum += gain[j] * x[j];
-        w.wish[row] = static_cast<std::int8_t>(w.held[row] != 0 ? 0 : sum > high(row) ? 1 : sum < low(row) ? -1 : 0);
-        u[i] = !clip ? sum : w.wish[row] > 0 ? high(row) : w.wish[row] < 0 ? low(row) : sum;
-        size += std::fabs(u[i]);
+        w.wish[row] = beyond(row, sum);
+        u[i] = w.wish[row] > 0 ? high(row) : w.wish[row] < 0 ? low(row) : sum;
       }
       for (std::size_t i = 0; i < s; ++i) {
         const double *a = q.a + (k * s + i) * n, *b = q.b + (k * s + i) * m, *from = x + i / n * n;
@@ -82,7 +97,6 @@ struct ActiveSet {
         next[i] = sum;
       }
     }
-    return std::isfinite(size);
   }
   /// d cost / du_i of stage k, the future included.
   double pull(std::size_t k, std::size_t i) const {
@@ -145,6 +159,9 @@ class TreeSet {
     for (std::uint32_t i = 0; i < tree_.parts(); ++i) finite = part(i).roll(clip) && finite;
     return finite;
   }
+  void mark(bool sound) {
+    for (std::uint32_t i = 0; i < tree_.parts(); ++i) work_[i]->sound = sound;
+  }
   bool update() {
     bool changed = false;
     for (std::uint32_t i = 0; i < tree_.parts(); ++i) changed = part(i).update() || changed;
@@ -194,8 +211,10 @@ QpReport solve_active_set(ActiveSetQp* const* work, const QpTree& tree, const Qp
     if (report.iterations > 0 && limits.deadline.passed()) break;
     if (!set.sweep()) {
       report.status = QpStatus::broken;  // not convex, or not finite
+      set.mark(false);
       return report;
     }
+    set.mark(true);
     ++report.iterations;
     if (!set.update()) report.status = QpStatus::solved;
   }
@@ -218,6 +237,7 @@ QpReport solve_riccati_qp(RiccatiQp& w, const Qp& qp, const QpLimits& limits, Qp
   const QpReport by_set = solve_active_set(w.set, qp, limits, solution);
   if (by_set.status == QpStatus::broken || (by_set.status == QpStatus::solved && states_within(qp, solution)))
     return by_set;
+  w.set.sound = false;  // the interior point takes its factor
   QpLimits rest = limits;
   rest.iterations -= by_set.iterations;
   QpReport report = solve_interior_point(w.interior, qp, rest, solution);

@@ -13,6 +13,7 @@ struct ActiveSetQp {
   std::int8_t* held = nullptr;  // (N x m) the set to start from: -1 low, 1 high
   std::int8_t* wish = nullptr;  // (N x m) bounds that the last sweep ran into
   bool stands = false;          // the factor is that of these matrices and this set: the first sweep resolves alone
+  bool sound = false;           // the factor is that of the last solve: a program that repeats needs no other
 };
 
 /// Sweeps until the set settles (solved; bounds on states are not looked at), the cap or the deadline. Inputs are
