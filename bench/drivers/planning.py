@@ -100,7 +100,8 @@ ROWS = [
     ("MPPI, K=1536, N=50, fresh noise: one iteration", ["tiller mppi"], ["pytorch_mppi"], "us", 90.0),
     ("rollout step, f32 batch", ["tiller rollout"], ["MuJoCo rollout"], "ns", None),
     ("hover QP 12/4/10, first input to 1e-4", ["tiller qp riccati hover"],
-     ["OSQP hover", "TinyMPC hover", "TinyMPC hover, 1e-3", "PIQP hover", "ProxQP hover", "Clarabel hover"], "us", 5.0),
+     ["OSQP hover", "TinyMPC hover", "TinyMPC hover, 1e-3", "PIQP hover", "ProxQP hover", "Clarabel hover",
+      "DAQP hover"], "us", 5.0),
     ("hover QP by OSQP inside tiller", ["tiller qp osqp hover"], ["OSQP hover"], "us", None),
 ]
 SCALE = {"us": 1e6, "ns": 1e9}

@@ -186,8 +186,10 @@ struct Hover {
   Hover& operator=(const Hover&) = delete;
   QpStatus solve(int i) {
     qp.start = given.state(i);
-    return use_osqp ? solve_osqp(osqp, qp, limits, true, solution).status
-                    : solve_riccati_qp(riccati, qp, limits, solution).status;
+    const QpStatus status = use_osqp ? solve_osqp(osqp, qp, limits, true, solution).status
+                                     : solve_riccati_qp(riccati, qp, limits, solution).status;
+    qp.repeats = true;  // the peers are told too that the start alone changes
+    return status;
   }
 };
 
