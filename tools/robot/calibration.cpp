@@ -38,12 +38,17 @@ bool allow_calibration(RobotFile& robot, std::string& error) {
     return false;
   }
   const CalibrationSection& box = robot.calibration;
+  Words unbounded, intervals;
   for (std::uint32_t i = 0; i < config.model->state_count; ++i) {
     if (!leads_away(*config.model, i) || is_interval(box.state_low[i], box.state_high[i]) ||
         is_interval(config.state_low[i], config.state_high[i]))
       continue;
-    error = begin + "nothing says how far " + robot.names.states[i] + " may go; draw the box: [probe] box = { \"" +
-            robot.names.states[i] + "\" = [low, high] }";
+    unbounded.push_back(robot.names.states[i]);
+    intervals.push_back("\"" + robot.names.states[i] + "\" = [low, high]");
+  }
+  if (!unbounded.empty()) {
+    error = begin + "nothing says how far " + join(unbounded) + " may go; draw the box: [probe] box = { " +
+            join(intervals) + " }";
     return false;
   }
   for (std::size_t i = 0; i < robot.names.inputs.size(); ++i) {
