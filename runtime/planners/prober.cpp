@@ -379,30 +379,50 @@ void Prober::cross() {
 
 // ---- what a motion tells, and where it leads ----------------------------------------------------
 
+/// A calibration's motion must not end at a speed that leads out of the box: where a horizon ends, positions are tried
+/// half a horizon further on.
 void Prober::measure_beyond() {
-  const auto each = static_cast<float>(share());
+  const auto dt = static_cast<float>(config_->period_s), further_s = 0.5f * static_cast<float>(horizon_) * dt;
   for (std::uint32_t step = 1; bounded_ > 0 && step <= horizon_; ++step) {
-    float* const row = beyond_ + std::size_t{step} * kBatch;
+    const float* const row = trajectory_ + std::size_t{step} * nx_ * kBatch;
     for (std::uint32_t b = 0; b < bounded_; ++b) {
-      const float* const x = trajectory_ + (std::size_t{step} * nx_ + bounded_state_[b]) * kBatch;
-      const double sd = std::fmax(margin_[std::size_t{step} * nx_ + bounded_state_[b]], 1e-12);
-      const auto per_sd = static_cast<float>(1.0 / sd);
-      const auto low = static_cast<float>(low_[b]), high = static_cast<float>(high_[b]);
-      float under[kBatch], over[kBatch], least = kFar;
-      for (std::uint32_t l = 0; l < kBatch; ++l) {
-        under[l] = (x[l] - low) * per_sd;
-        over[l] = (high - x[l]) * per_sd;
-        const float nearest = under[l] < over[l] ? under[l] : over[l];
-        least = nearest < least ? nearest : least;
-      }
-      if (!(least < kFar)) continue;
-      for (std::uint32_t l = 0; l < kBatch; ++l) {
-        const float out = beyond_bound(under[l]) + beyond_bound(over[l]);
-        row[l] += each * (out < 1.0f ? out : 1.0f);
-        // how far outside, for what is: deviations, added up over the steps
-        beyond_[l] += (under[l] < 0.0f ? -under[l] : 0.0f) + (over[l] < 0.0f ? -over[l] : 0.0f);
-      }
+      measure_beyond(step, b, row + bounded_state_[b] * kBatch);
+      const std::uint32_t rate = rate_of(bounded_state_[b]);
+      if (!calibrates_ || step < horizon_ || rate == TILLER_NO_POSITION) continue;
+      float led[kBatch];
+      for (std::uint32_t l = 0; l < kBatch; ++l)
+        led[l] = row[bounded_state_[b] * kBatch + l] + further_s * row[rate * kBatch + l];
+      measure_beyond(step, b, led);
     }
+  }
+}
+
+/// State of the velocity whose position a state is; TILLER_NO_POSITION: it is none.
+std::uint32_t Prober::rate_of(std::uint32_t state) const {
+  const tiller_model_t& model = *config_->model;
+  for (std::uint32_t j = 0; j < model.joint_count; ++j)
+    if (model.joints[j].position == state) return model.joints[j].velocity;
+  return TILLER_NO_POSITION;
+}
+
+void Prober::measure_beyond(std::uint32_t step, std::uint32_t b, const float* x) {
+  float* const row = beyond_ + std::size_t{step} * kBatch;
+  const double sd = std::fmax(margin_[std::size_t{step} * nx_ + bounded_state_[b]], 1e-12);
+  const auto each = static_cast<float>(share()), per_sd = static_cast<float>(1.0 / sd);
+  const auto low = static_cast<float>(low_[b]), high = static_cast<float>(high_[b]);
+  float under[kBatch], over[kBatch], least = kFar;
+  for (std::uint32_t l = 0; l < kBatch; ++l) {
+    under[l] = (x[l] - low) * per_sd;
+    over[l] = (high - x[l]) * per_sd;
+    const float nearest = under[l] < over[l] ? under[l] : over[l];
+    least = nearest < least ? nearest : least;
+  }
+  if (!(least < kFar)) return;
+  for (std::uint32_t l = 0; l < kBatch; ++l) {
+    const float out = beyond_bound(under[l]) + beyond_bound(over[l]);
+    row[l] += each * (out < 1.0f ? out : 1.0f);
+    // how far outside, for what is: deviations, added up over the steps
+    beyond_[l] += (under[l] < 0.0f ? -under[l] : 0.0f) + (over[l] < 0.0f ? -over[l] : 0.0f);
   }
 }
 

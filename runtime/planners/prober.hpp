@@ -111,6 +111,8 @@ class Prober {
   void cross();
   void judge();
   void measure_beyond();
+  void measure_beyond(std::uint32_t step, std::uint32_t bound, const float* x);
+  std::uint32_t rate_of(std::uint32_t state) const;
   void accumulate();
   float* special(std::size_t m) { return special_ + m * length(); }
   bool read_pairs(std::uint32_t stage, std::uint32_t lane, double* pairs) const;
