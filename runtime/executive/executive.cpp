@@ -326,13 +326,14 @@ void Executive::replan(Tick& tick) {
   request.param_mean = info_.param_mean;
   request.param_sd = info_.param_sd;
   divergence_.weigh(prediction_, request.task_step);
+  const std::int64_t due_ns = std::max(clock_ns(), request.deadline.deadline_ns);  // no planner ends before it began
   const PlanResult result = planner_table_->plan(planner_, request, tick.wanted);
   tick.planned_ns = clock_ns();
-  if (request.deadline.deadline_ns != 0)
-    tick.late_ns = std::max<std::int64_t>(tick.planned_ns - request.deadline.deadline_ns, 0);
+  if (request.deadline.deadline_ns != 0) tick.late_ns = std::max<std::int64_t>(tick.planned_ns - due_ns, 0);
   // what was begun counts where it failed: a replay that stops short of it would not fail
   const bool refused = is_fault(result.status) && (result.refused || result.iterations == 0);
   tick.iterations = result.iterations + (refused ? 1 : 0);
+  config_.posterior.moves_per_tick = moves_given_.after_plan(tick.iterations == 0);
   info_.plan_cost = result.cost + divergence_.rest();
   info_.plan_lead = belief_.lead_periods();
 

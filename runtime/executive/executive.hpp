@@ -9,6 +9,7 @@
 #include "executive/demonstration_divergence.hpp"
 #include "executive/motion_check.hpp"
 #include "executive/part_sizes.hpp"
+#include "executive/moves_given.hpp"
 #include "executive/plan_memory.hpp"
 #include "executive/planning_belief.hpp"
 #include "executive/prediction.hpp"
@@ -145,7 +146,7 @@ class Executive {
   bool has_clock() const { return hooks_.now_ns != nullptr; }
   std::int64_t clock_ns() const { return has_clock() ? hooks_.now_ns(hooks_.context) : 0; }
 
-  // constant after lay_out, but for the goal in config_.cost
+  // constant after lay_out, but for the goal in config_.cost and posterior.moves_per_tick (moves_given_)
   tiller_config_t config_{};
   tiller_output_cost_t* outputs_ = nullptr;  // config_.cost.outputs
   tiller_hooks_t hooks_{};
@@ -188,6 +189,7 @@ class Executive {
   std::uint32_t unrenewed_plans_ = 0;  // in a row, by planners that had no time for an iteration
   static constexpr std::uint32_t kNotForced = 0xffffffffu, kLongest = 0xffffffffu;
   std::uint32_t forced_iterations_ = kNotForced;
+  MovesGiven moves_given_;
   std::int64_t reserve_ns_ = 0;  // of the deadline, for what comes after the planner
   float* history_ = nullptr;  // (delay_steps x nu) scratch
 };

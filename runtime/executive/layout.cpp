@@ -104,6 +104,7 @@ Executive* Executive::lay_out(Arena& arena, const tiller_config_t& config, const
   Executive stand_in;
   Executive& self = placed ? *placed : stand_in;
   self.config_ = config;
+  self.moves_given_.reset(config.posterior.moves_per_tick);
   if (hooks) self.hooks_ = *hooks;
   self.outputs_ = keep(arena, self.config_.cost.outputs, config.cost.output_count);
   keep_arrays(arena, self.config_);
