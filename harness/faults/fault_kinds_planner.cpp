@@ -79,7 +79,7 @@ void late(std::vector<Fault>& list) {
   list.push_back({"plan_capped", group, "time for one iteration of two", Route::kMemory, End::kRides, Timeout::kSensor,
                   "`iteration_capped`: the plan so far"});
   list.back().prepare = clocked;
-  list.back().step = [](World& w) { w.clock_step_ns = 500000; };  // the deadline is 5 ms
+  list.back().step = [](World& w) { w.clock_step_ns = 350000; };  // the deadline is 5 ms
   list.back().noticed = [](const World&, const tiller_info_t& i) { return i.planner_iterations == 1; };
   list.push_back({"clock_of_deadlines_stands", group, "the deadlines' clock stands still", Route::kMemory, End::kRides,
                   Timeout::kSensor, "the cap of iterations ends the plan"});

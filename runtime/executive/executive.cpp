@@ -41,9 +41,11 @@ tiller_status_t Executive::tick(std::int64_t now_us, const tiller_measurement_t*
 void Executive::keep_reserve(const Tick& tick) {
   if (tick.planned_ns == 0 || config_.planner.deadline_us == 0) return;
   const std::int64_t took_ns = clock_ns() - tick.planned_ns + tick.late_ns;
-  if (reserve_ns_ == 0) reserve_ns_ = took_ns;
+  const std::int64_t most_ns = std::int64_t{config_.planner.deadline_us} * 500;
+  if (reserve_ns_ == 0) reserve_ns_ = std::min(took_ns, most_ns / 4);
   const std::int64_t step_ns = reserve_ns_ / 16 + 128;
   reserve_ns_ += took_ns > reserve_ns_ ? step_ns - step_ns / 128 : -(step_ns / 128);
+  reserve_ns_ = std::clamp<std::int64_t>(reserve_ns_, 1, most_ns);
 }
 
 Executive::Tick Executive::begin_tick(std::int64_t now_us, const tiller_measurement_t* measurement) {
@@ -432,7 +434,7 @@ Deadline Executive::deadline(const Tick& tick) {
     deadline.replayed = true;
   } else if (has_clock() && config_.planner.deadline_us > 0) {
     const std::int64_t whole_ns = std::int64_t{config_.planner.deadline_us} * 1000;
-    deadline.deadline_ns = tick.start_ns + whole_ns - std::min(reserve_ns_, whole_ns / 2);
+    deadline.deadline_ns = tick.start_ns + whole_ns - reserve_ns_;
   }
   return deadline;
 }
