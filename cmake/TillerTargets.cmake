@@ -62,13 +62,13 @@ function(tiller_precompile target name header)
   target_precompile_headers(${target} REUSE_FROM ${name})
 endfunction()
 
-# tiller_library(name SOURCES a.cpp ... DEPENDS core scalar ...)
+# tiller_library(name [UNINSTALLED] SOURCES a.cpp ... DEPENDS core scalar ...)
 #
 # Makes the static library tiller_<name> from runtime/<name>. Its headers are included as
 # "<name>/file.hpp"; the include root is a folder of links that holds that one name, so that a folder
 # that is not in DEPENDS cannot be included by accident.
 function(tiller_library name)
-  cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS;PRIVATE_LIBS;PUBLIC_LIBS" ${ARGN})
+  cmake_parse_arguments(ARG "UNINSTALLED" "" "SOURCES;DEPENDS;PRIVATE_LIBS;PUBLIC_LIBS" ${ARGN})
   set(target tiller_${name})
   set(root ${PROJECT_BINARY_DIR}/include_roots/${name})
   file(MAKE_DIRECTORY ${root})
@@ -95,7 +95,9 @@ function(tiller_library name)
   target_link_libraries(${target} ${scope} ${ARG_PUBLIC_LIBS})
   set_target_properties(${target} PROPERTIES EXPORT_NAME ${name})
   add_library(tiller::${name} ALIAS ${target})
-  set_property(GLOBAL APPEND PROPERTY TILLER_RUNTIME_TARGETS ${target})
+  if(NOT ARG_UNINSTALLED)
+    set_property(GLOBAL APPEND PROPERTY TILLER_RUNTIME_TARGETS ${target})
+  endif()
 endfunction()
 
 # tiller_catalogue(folder macro): <folder>/catalogue.hpp, which includes the header of every line of

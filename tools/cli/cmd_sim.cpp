@@ -6,7 +6,9 @@
 
 #include "io/udp_multicast.hpp"
 #include "sim/servers/serve_can.hpp"
+#include "ros2/ros2_source.hpp"
 #include "sim/servers/serve_lcm.hpp"
+#include "sim/servers/serve_ros2.hpp"
 #include "tools/base/stop_flag.hpp"
 #include "tools/command/commands.hpp"
 #include "tools/links/lcm_seal.hpp"
@@ -44,6 +46,26 @@ void print_plant(const RobotFile& robot, const SimPlant& made) {
   std::printf("\n");
 }
 
+/// A robot of JointStates alone: what the robot file takes from elsewhere, nobody publishes here.
+bool ros2_options(const RobotFile& robot, sim::Ros2Options& ros2, std::string& error) {
+  const Ros2Section& section = robot.transport.ros2;
+  ros2.joint_states = section.joint_states;
+  ros2.commands = section.commands.empty() ? robot.name + "/commands" : section.commands;
+  for (std::size_t i = 0; i < robot.names.measurements.size(); ++i) {
+    const std::string& name = robot.names.measurements[i];
+    Ros2Source source;
+    const bool known = section.sources.empty() ? ros2_source_of_name(name.c_str(), &source)
+                                               : ros2_parse_source(section.sources[i].c_str(), &source);
+    if (!known || source.message != Ros2Message::kJointState) {
+      error = robot.path + ": transport.sources." + name +
+              ": the plant publishes JointStates alone; write \"position:joint\" or \"velocity:joint\"";
+      return false;
+    }
+    ros2.channels.push_back({source.joint, source.field});
+  }
+  return true;
+}
+
 int serve_plant(const Arguments& a, const RobotFile& robot, sim::Plant& plant, sim::ServeReport& report) {
   const StopFlag stop;
   sim::ServeOptions options;
@@ -78,6 +100,10 @@ int serve_plant(const Arguments& a, const RobotFile& robot, sim::Plant& plant, s
     lcm.sign = seal.sign;
     lcm.verify = seal.verify;
     return serve_lcm(plant, lcm, options, report);
+  }
+  if (a.serve == "ros2") {
+    sim::Ros2Options ros2;
+    return ros2_options(robot, ros2, report.error) ? serve_ros2(plant, ros2, options, report) : 1;
   }
   sim::CanOptions can;
   can.interface = robot.transport.interface;
@@ -129,8 +155,8 @@ void add_sim_command(CLI::App& app, int& exit_code) {
   auto* command = app.add_subcommand("sim", "serve the simulated plant of a robot file to `tiller run`");
   auto a = std::make_shared<Arguments>();
   command->add_option("ROBOT", a->robot, "robot file (.toml) with a [sim] section")->required();
-  command->add_option("--serve", a->serve, "how: lcm, can, or lines (default lcm)")
-      ->check(CLI::IsMember({"lcm", "can", "lines"}));
+  command->add_option("--serve", a->serve, "how: lcm, can, ros2, or lines (default lcm)")
+      ->check(CLI::IsMember({"lcm", "can", "ros2", "lines"}));
   auto* lockstep = command->add_flag("--lockstep", a->lockstep, "simulated time waits for each command");
   command->add_flag("--real-time", a->real_time, "simulated time follows the wall clock (default)")->excludes(lockstep);
   command->add_option("--seconds", a->seconds, "end after this much simulated time (default: at Ctrl-C)")

@@ -25,10 +25,20 @@ struct DriveSection {
   std::uint32_t reply_id = 0;
 };
 
+/// [transport] of the kind ros2: topics, and where each measurement comes from; docs/guide/ros2.md.
+struct Ros2Section {
+  std::string joint_states = "joint_states", imu = "imu", odometry = "odom";
+  std::string commands;  ///< empty: <robot's name>/commands
+  Words sources;         ///< (ny) "position:elbow", "imu:angular_velocity.z", ...; empty: what the names say
+  std::string goal_pose = "goal_pose";
+  std::string goal_trajectory;                     ///< empty: <robot's name>/joint_trajectory
+  std::map<std::string, std::string> goal_fields;  ///< of a PoseStamped, by state or output: "position.x", "yaw"
+};
+
 /// [transport]: how the robot is reached. `line` is 0 where the file has no such section.
 struct TransportSection {
   int line = 0;
-  std::string kind;  ///< "lcm", "socketcan"; empty: not given
+  std::string kind;  ///< a name of transports.def; empty: not given
   std::string url = "udpm://239.255.76.67:7667?ttl=0";
   std::string channel_prefix = "TILLER_";
   std::string key_file;  ///< path; empty: messages are not signed
@@ -42,6 +52,7 @@ struct TransportSection {
   std::uint32_t sensor_node = 48;
   Words channels;  ///< (ny) "board:0", "position:force_N", ...; empty: the board's, in order
   double heartbeat_timeout_s = 0.5;
+  Ros2Section ros2;
 };
 
 /// [realtime]: what a run by the wall clock asks of Linux. `line` is 0 where the file has no such section.

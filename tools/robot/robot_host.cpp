@@ -24,11 +24,6 @@ void read_map(SectionReader& section, const std::string& key, std::map<std::stri
   }
 }
 
-/// With a wrong [measurement], names of measurements are not known: saying so twice would hide the cause.
-bool knows_measurements(const FileErrors& errors) {
-  return !errors.has_below("measurement") && !errors.has_below("[measurement]");
-}
-
 void read_sensors(SectionReader& section, const RobotFile& robot, SimSection& sim) {
   const toml::table* table = section.subtable("sensors");
   if (!table || !knows_measurements(section.errors())) return;
@@ -153,6 +148,10 @@ void read_channels(SectionReader& section, const RobotFile& robot, TransportSect
 
 }  // namespace
 
+bool knows_measurements(const FileErrors& errors) {
+  return !errors.has_below("measurement") && !errors.has_below("[measurement]");
+}
+
 void read_transport(FileErrors& errors, const toml::table& root, RobotFile& robot) {
   const toml::table* table = section_table(errors, root, "transport");
   if (!table) return;
@@ -178,6 +177,7 @@ void read_transport(FileErrors& errors, const toml::table& root, RobotFile& robo
   read_motors(section, robot, transport);
   read_drives(section, robot, transport);
   read_channels(section, robot, transport);
+  read_ros2(section, robot, transport.ros2);
 }
 
 void read_plan_timeout(SectionReader& section, const RobotFile& robot, SimSection& sim) {

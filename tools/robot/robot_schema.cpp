@@ -254,10 +254,7 @@ const std::vector<KeySpec> kOthers = {
      nullptr, kLeastWeight},
 
     {"transport", "kind", K::choice, "", kRequired, 0, 0, false, hand,
-     [] {
-       return Words{"lcm", "socketcan"};
-     },
-     "how the robot is reached"},
+     transport_names, "how the robot is reached"},
     {"transport", "url", K::text, "", "udpm://239.255.76.67:7667?ttl=0", 0, 0, false, hand, nullptr,
      "lcm: the provider; ttl=0 keeps messages on this machine"},
     {"transport", "channel_prefix", K::text, "", "TILLER_", 0, 0, false, hand, nullptr,
@@ -287,6 +284,20 @@ const std::vector<KeySpec> kOthers = {
      "a motor's own encoder"},
     {"transport", "heartbeat_timeout_s", K::number, "s", "0.5", 0, 60, false, hand, nullptr,
      "socketcan: longest silence of a motor; 0: not watched"},
+    {"transport", "joint_states", K::text, "", "joint_states", 0, 0, false, hand, nullptr,
+     "ros2: topic of sensor_msgs/JointState"},
+    {"transport", "imu", K::text, "", "imu", 0, 0, false, hand, nullptr, "ros2: topic of sensor_msgs/Imu"},
+    {"transport", "odometry", K::text, "", "odom", 0, 0, false, hand, nullptr, "ros2: topic of nav_msgs/Odometry"},
+    {"transport", "commands", K::text, "", "<robot>/commands", 0, 0, false, hand, nullptr,
+     "ros2: topic of the inputs, std_msgs/Float64MultiArray"},
+    {"transport", "sources", K::other, "", "by the names", 0, 0, false, hand, nullptr,
+     "ros2: where each measurement comes from, { state = \"position:elbow\" }; docs/guide/ros2.md"},
+    {"transport", "goal_trajectory", K::text, "", "<robot>/joint_trajectory", 0, 0, false, hand, nullptr,
+     "ros2: topic of goals of joints, trajectory_msgs/JointTrajectory"},
+    {"transport", "goal_pose", K::text, "", "goal_pose", 0, 0, false, hand, nullptr,
+     "ros2: topic of goals as geometry_msgs/PoseStamped"},
+    {"transport", "goal_fields", K::other, "", "none", 0, 0, false, hand, nullptr,
+     "ros2: what a pose sets, { state_or_output = \"position.x\" }; docs/guide/ros2.md"},
 
     {"transport.drives.*", "command", K::choice, "", "torque", 0, 0, false, hand,
      [] { return words_of(kActuatorModeNames); }, "what the input is to the drive; position needs a rate limit"},

@@ -36,9 +36,13 @@ std::vector<ClearanceOutput> read_clearance(SectionReader& cost, const RobotFile
                                             std::vector<tiller_output_cost_t>& costs);
 /// Three finite numbers; false after an error.
 bool read_triple(SectionReader& section, const std::string& key, std::array<double, 3>& out);
+/// With a wrong [measurement], names of measurements are not known: saying so twice would hide the cause.
+bool knows_measurements(const FileErrors& errors);
 void read_transport(FileErrors& errors, const toml::table& root, RobotFile& robot);
 /// [transport] actuator and drives; after nodes, levers and [limits].
 void read_drives(SectionReader& section, const RobotFile& robot, TransportSection& transport);
+/// [transport] of the kind ros2.
+void read_ros2(SectionReader& section, const RobotFile& robot, Ros2Section& ros2);
 void read_realtime(FileErrors& errors, const toml::table& root, RobotFile& robot);
 void read_sim(FileErrors& errors, const toml::table& root, RobotFile& robot);
 void read_log_map(FileErrors& errors, const toml::table& root, RobotFile& robot);

@@ -1,0 +1,93 @@
+#include <cmath>
+
+#include "ros2/ros2_transport.hpp"
+#include "tools/links/transport_link.hpp"
+
+namespace tiller::tools {
+namespace {
+
+std::string text_of(const Ros2Source& source) {
+  switch (source.message) {
+    case Ros2Message::kJointState: return std::string(kJointFields[source.field]) + " of the joint " + source.joint;
+    case Ros2Message::kImu: return std::string("imu:") + kImuFields[source.field];
+    case Ros2Message::kOdometry: break;
+  }
+  return std::string("odometry:") + kOdometryFields[source.field];
+}
+
+class Ros2Link final : public TransportLink {
+ public:
+  Ros2Link(const RobotFile& robot, const TransportLinkOptions& options)
+      : TransportLink(robot, options, kRos2Transport, &ros2_) {}
+  ~Ros2Link() override { kRos2Transport.close(&ros2_); }
+
+  tiller_status_t open(OpenError& problem) override {
+    const Ros2Section& section = robot_.transport.ros2;
+    const std::string commands = section.commands.empty() ? robot_.name + "/commands" : section.commands;
+    Ros2Options ros2;
+    ros2.joint_states = section.joint_states.c_str();
+    ros2.imu = section.imu.c_str();
+    ros2.odometry = section.odometry.c_str();
+    ros2.commands = commands.c_str();
+    ros2.measurement_count = robot_.config.measurement_count;
+    ros2.input_count = robot_.config.model->input_count;
+    ros2.together_us = std::llround(1e6 * robot_.config.period_s);
+    ros2.stamp_on_arrival = robot_.transport.stamp_on_arrival && !options_.lockstep;
+    ros2.lockstep = options_.lockstep;
+    const tiller_status_t status = name_sources(ros2, problem);
+    return status == tiller_status_ok ? ros2_transport_open(&ros2_, ros2, &problem) : status;
+  }
+
+  /// A joint that is called otherwise, or a robot that nobody publishes: the operator hears of it at once.
+  std::string news() override {
+    if (!told_refusal_ && ros2_.refused_source != nullptr && ros2_.counters.received == 0) {
+      told_refusal_ = true;
+      return refusal();
+    }
+    return TransportLink::news();
+  }
+
+  std::string counters() const override {
+    std::string text = TransportLink::counters();
+    if (ros2_.repeated_answers)
+      text += format(", %llu answers sent again", static_cast<unsigned long long>(ros2_.repeated_answers));
+    if (ros2_.refusal != nullptr) text += "; last refused: " + refusal();
+    char silence[300];
+    ros2_silence(&ros2_, silence, sizeof silence);
+    if (*silence) text += std::string("; ") + silence;
+    return text;
+  }
+
+ private:
+  tiller_status_t name_sources(Ros2Options& ros2, OpenError& problem) const {
+    const Words& given = robot_.transport.ros2.sources;
+    for (std::uint32_t i = 0; i < ros2.measurement_count; ++i) {
+      const std::string& name = robot_.names.measurements[i];
+      if (!given.empty() && ros2_parse_source(given[i].c_str(), &ros2.source[i])) continue;
+      if (given.empty() && ros2_source_of_name(name.c_str(), &ros2.source[i])) continue;
+      set_open_error(&problem,
+                     "ros2: the unit of %.60s does not say which message holds it; add sources = { %.60s = "
+                     "\"position:joint\" } (docs/guide/ros2.md)",
+                     name.c_str(), name.c_str());
+      return tiller_status_bad_message;
+    }
+    return tiller_status_ok;
+  }
+
+  std::string refusal() const {
+    if (ros2_.refused_source == nullptr) return ros2_.refusal;
+    return "a JointState without the " + text_of(*ros2_.refused_source) + "; its joints are: " +
+           (ros2_.seen[0] ? ros2_.seen : "none");
+  }
+
+  Ros2Transport ros2_;
+  bool told_refusal_ = false;
+};
+
+}  // namespace
+
+std::unique_ptr<TransportLink> make_ros2_link(const RobotFile& robot, const TransportLinkOptions& options) {
+  return std::make_unique<Ros2Link>(robot, options);
+}
+
+}  // namespace tiller::tools
