@@ -39,7 +39,7 @@ def run(over, folder):
             sys.exit(f"{over}: the plant had to ask again, or failed")
     finally:
         plant.kill()
-    return commands.read_text(encoding="ascii").split(), done.stdout
+    return commands.read_text(encoding="ascii").split()[:ticks], done.stdout
 
 
 with tempfile.TemporaryDirectory() as name:

@@ -71,17 +71,20 @@ options.add_argument("--ticks", type=int, required=True)
 options.add_argument("--commands", required=True)
 options = options.parse_args()
 link = OverLcm() if options.over == "lcm" else OverRos2()
-angle, rate, repeats = 0.3, 0.0, 0
+angle, rate, repeats, lost = 0.3, 0.0, 0, 0
 with open(options.commands, "w", encoding="ascii") as out:
-    for k in range(options.ticks):
+    for k in range(options.ticks + 2):  # the controller waits for one more than it needs
         torque = None
-        while torque is None:
+        while torque is None and (k < options.ticks or repeats < 10):
             link.publish(k, angle)
             # before the first answer the controller may not be there yet
-            torque = link.answer(k, 0.1 if k == 0 or options.over == "lcm" else 20)
+            torque = link.answer(k, 0.1 if k == 0 or k >= options.ticks or options.over == "lcm" else 20)
             repeats += torque is None and k > 0
+            lost += torque is None and 0 < k < options.ticks
+        if torque is None:
+            break
         out.write(torque.hex() + "\n")
         for _ in range(round(PERIOD_US * 1e-6 / STEP_S)):
             angle, rate = step(angle, rate, torque)
-print(f"{options.over}: {options.ticks} ticks, {repeats} measurements sent again, angle {angle:.6f} rad")
-sys.exit(options.over == "ros2" and repeats > 0)
+print(f"{options.over}: {options.ticks} ticks, {lost} measurements sent again, angle {angle:.6f} rad")
+sys.exit(options.over == "ros2" and lost > 0)

@@ -1,4 +1,5 @@
 """ROS 2's messages for the Python package cyclonedds, written from the .msg files: the independent other side."""
+import os
 from dataclasses import dataclass, field
 
 from cyclonedds.core import Policy, Qos
@@ -175,7 +176,7 @@ class Node:
     """A participant with readers and writers of topics by ROS 2's names."""
 
     def __init__(self):
-        self.participant = DomainParticipant()
+        self.participant = DomainParticipant(int(os.environ.get("ROS_DOMAIN_ID", "0")))
 
     def topic(self, name, kind):
         return Topic(self.participant, "rt/" + name, kind)
