@@ -279,6 +279,7 @@ int run_command(Arguments& a) {
   auto robot = read_robot_or_complain(a.robot);
   if (!robot || !apply_overrides(a.overrides, *robot) || !prepare_refit(a, *robot)) return kExitBadInput;
   if (!take_calibration(a, *robot)) return kExitBadInput;
+  robot->transport.kind = transport_kind(a, *robot);
   if (!a.quiet) tell_choices(*robot);
   bool told = !a.sim || robot->config.planner.deadline_us > 0;
   if (a.sim) told = predict_tick(a, *robot) || told;

@@ -13,6 +13,7 @@
 #include "tools/command/commands.hpp"
 #include "tools/links/lcm_seal.hpp"
 #include "tools/links/plant_setup.hpp"
+#include "tools/robot/ros2_topics.hpp"
 #include "tools/simulator/plant_lines.hpp"
 
 namespace tiller::tools {
@@ -50,7 +51,7 @@ void print_plant(const RobotFile& robot, const SimPlant& made) {
 bool ros2_options(const RobotFile& robot, sim::Ros2Options& ros2, std::string& error) {
   const Ros2Section& section = robot.transport.ros2;
   ros2.joint_states = section.joint_states;
-  ros2.commands = section.commands.empty() ? robot.name + "/commands" : section.commands;
+  ros2.commands = ros2_commands_topic(robot);
   for (std::size_t i = 0; i < robot.names.measurements.size(); ++i) {
     const std::string& name = robot.names.measurements[i];
     Ros2Source source;

@@ -2,6 +2,7 @@
 
 #include "ros2/ros2_transport.hpp"
 #include "tools/links/transport_link.hpp"
+#include "tools/robot/ros2_topics.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -23,7 +24,7 @@ class Ros2Link final : public TransportLink {
 
   tiller_status_t open(OpenError& problem) override {
     const Ros2Section& section = robot_.transport.ros2;
-    const std::string commands = section.commands.empty() ? robot_.name + "/commands" : section.commands;
+    const std::string commands = ros2_commands_topic(robot_);
     Ros2Options ros2;
     ros2.joint_states = section.joint_states.c_str();
     ros2.imu = section.imu.c_str();

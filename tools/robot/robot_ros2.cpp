@@ -1,7 +1,10 @@
 // [transport] of the kind ros2: topics, and where values come from.
 
+#include <cctype>
+
 #include "ros2/ros2_source.hpp"
 #include "tools/robot/robot_sections.hpp"
+#include "tools/robot/ros2_topics.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -50,7 +53,25 @@ void read_goal_fields(SectionReader& section, const RobotFile& robot, std::map<s
   }
 }
 
+std::string below_the_name(const RobotFile& robot, const char* end) {
+  std::string name = robot.name;
+  for (char& c : name)
+    if (std::isalnum(static_cast<unsigned char>(c)) == 0) c = '_';
+  if (name.empty() || std::isdigit(static_cast<unsigned char>(name[0])) != 0) name.insert(0, "_");
+  return name + "/" + end;
+}
+
 }  // namespace
+
+std::string ros2_commands_topic(const RobotFile& robot) {
+  const std::string& given = robot.transport.ros2.commands;
+  return given.empty() ? below_the_name(robot, "commands") : given;
+}
+
+std::string ros2_trajectory_topic(const RobotFile& robot) {
+  const std::string& given = robot.transport.ros2.goal_trajectory;
+  return given.empty() ? below_the_name(robot, "joint_trajectory") : given;
+}
 
 void read_ros2(SectionReader& section, const RobotFile& robot, Ros2Section& ros2) {
   if (const auto v = section.text("joint_states")) ros2.joint_states = *v;

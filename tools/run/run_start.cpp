@@ -32,8 +32,11 @@ bool RunStart::wait_for_first(double patience_s, Sensed& sensed, std::string& er
 std::string RunStart::nothing_came(double patience_s, tiller_status_t fault) const {
   const std::string why = fault == tiller_status_ok ? "" : std::string(tiller_status_text(fault)) + "; ";
   const std::string counted = link_.counters();
+  const std::string& kind = robot_.transport.kind;
+  const std::string serve = kind.empty() ? "lcm" : kind == "socketcan" ? "can" : kind;
   return why + format("no measurement within %.0f s", patience_s) + (counted.empty() ? "" : " (" + counted + ")") +
-         "; start the robot first, e.g. `tiller sim " + robot_.path + " --serve lcm`, and compare [transport]";
+         "; start the robot first, e.g. `tiller sim " + robot_.path + " --serve " + serve +
+         "`, and compare [transport]";
 }
 
 bool RunStart::stands_at_start(const tiller_measurement_t& measurement) const {
