@@ -288,6 +288,7 @@ int ros2_descriptor(void* self) { return transport_of(self)->event; }
 void ros2_counters(const void* self, tiller_transport_counters_t* counters) {
   const auto* transport = static_cast<const Ros2Transport*>(self);
   *counters = transport->counters;
+  counters->bad_messages += ros2_undecodable() - transport->undecodable;
   for (const Ros2Reader& reader : transport->reader) {
     dds_sample_lost_status_t lost{};
     if (reader.entity > 0 && dds_get_sample_lost_status(reader.entity, &lost) == DDS_RETCODE_OK)
@@ -390,6 +391,7 @@ tiller_status_t open_all(Ros2Transport* transport, const Ros2Options& options, O
   const dds_entity_t participant = ros2_participant();
   if (participant < 0) return failed(error, "cannot join the domain", "ROS_DOMAIN_ID", participant);
   transport->participant = participant;
+  transport->undecodable = ros2_undecodable();
   const tiller_status_t status = open_readers(transport, options, error);
   return status == tiller_status_ok ? open_writer(transport, options, error) : status;
 }

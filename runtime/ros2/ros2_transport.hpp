@@ -63,6 +63,7 @@ struct Ros2Transport {
   bool has_new = false;
   tiller_measurement_t newest{};
   tiller_transport_counters_t counters{};
+  std::uint64_t undecodable = 0;  // of this process, when it was opened
   /// Why a message was last refused (a literal), for a tool's report; null if none was. `refused_source` is the value
   /// that was looked for and `seen` the names of the joints that the message had, where that is the reason.
   const char* refusal = nullptr;

@@ -1,9 +1,12 @@
 #include "ros2/ros2_wire.hpp"
 
+#include <atomic>
 #include <cctype>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+
+#include <dds/ddsrt/log.h>
 
 #include "ros2_messages.h"
 
@@ -37,6 +40,15 @@ dds_domainid_t domain_id() {
   return text != nullptr && *text != '\0' ? static_cast<dds_domainid_t>(std::strtoul(text, nullptr, 10)) : 0;
 }
 
+std::atomic<std::uint64_t> undecodable{0};
+
+void count_undecodable(void*, const dds_log_data_t* line) {
+  if (std::strstr(line->message, "deserialization") != nullptr)
+    undecodable.fetch_add(1, std::memory_order_relaxed);
+  else
+    std::fprintf(stderr, "Cyclone DDS: %s", line->message);
+}
+
 /// One for the whole process and as long as it lives: a second participant of the same domain joins it.
 dds_return_t make_domain(dds_domainid_t id) {
   const char* localhost = std::getenv("ROS_LOCALHOST_ONLY");
@@ -45,6 +57,7 @@ dds_return_t make_domain(dds_domainid_t id) {
   char config[8192];
   const int length = std::snprintf(config, sizeof config, "%s%s%s", kLimits, local ? kLocalhost : "", user ? user : "");
   if (length < 0 || static_cast<std::size_t>(length) >= sizeof config) return DDS_RETCODE_BAD_PARAMETER;
+  dds_set_log_sink(count_undecodable, nullptr);
   const dds_entity_t domain = dds_create_domain(id, config);
   return domain == DDS_RETCODE_PRECONDITION_NOT_MET ? DDS_RETCODE_OK : domain;
 }
@@ -102,6 +115,8 @@ bool ros2_topic(const char* name, char (&topic)[kRos2Topic]) {
   const int length = std::snprintf(topic, sizeof topic, "rt/%s", name);
   return length > 0 && static_cast<std::size_t>(length) < sizeof topic;
 }
+
+std::uint64_t ros2_undecodable() { return undecodable.load(std::memory_order_relaxed); }
 
 dds_entity_t ros2_participant() {
   const dds_domainid_t id = domain_id();

@@ -37,6 +37,10 @@ bool ros2_topic(const char* name, char (&topic)[kRos2Topic]);
 /// ROS_LOCALHOST_ONLY=1 keeps to loopback. Negative: dds_strretcode() says why.
 dds_entity_t ros2_participant();
 
+/// Samples of this process that Cyclone DDS could not decode. It would print a line for each, from the thread that
+/// receives: a flood of them on a slow terminal, or in a pipe that nobody reads, held up every topic.
+std::uint64_t ros2_undecodable();
+
 /// `topic` as ros2_topic() made it. Deleted with the participant. Negative: dds_strretcode() says why.
 dds_entity_t ros2_reader(dds_entity_t participant, Ros2Type type, const char* topic, Ros2Qos qos,
                          const dds_listener_t* listener);

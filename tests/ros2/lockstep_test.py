@@ -9,7 +9,6 @@ import subprocess
 import sys
 import tempfile
 
-tiller, robot, types, ticks = sys.argv[1], pathlib.Path(sys.argv[2]), sys.argv[3], int(sys.argv[4])
 here = pathlib.Path(__file__).parent
 # a small plan: what is compared is the wire
 SMALL = {"horizon": 30, "knots": 6, "rollouts": 32, "particles": 4, "iterations": 1}
@@ -22,7 +21,7 @@ def small(text):
     return head + planner + tail + "\n[posterior]\nparticles = 64\n"
 
 
-def run(over, folder):
+def run(tiller, types, ticks, over, folder):
     commands = folder / f"{over}.commands"
     environment = dict(os.environ, PYTHONPATH=types)
     plant = subprocess.Popen([sys.executable, str(here / "pendulum_plant.py"), "--over", over, "--ticks", str(ticks),
@@ -42,17 +41,23 @@ def run(over, folder):
     return commands.read_text(encoding="ascii").split()[:ticks], done.stdout
 
 
-with tempfile.TemporaryDirectory() as name:
-    folder = pathlib.Path(name)
-    (folder / "robot.toml").write_text(small(robot.read_text(encoding="utf-8")), encoding="utf-8")
-    by_lcm, _ = run("lcm", folder)
-    by_ros2, told = run("ros2", folder)
-if len(by_ros2) != ticks or by_lcm != by_ros2:
-    first = next((k for k, (a, b) in enumerate(zip(by_lcm, by_ros2)) if a != b), None)
-    sys.exit(f"other commands over ROS 2 than over LCM, first at tick {first}")
-counted = re.search(r"ros2: (\d+) received, (\d+) sent", told)
-if not counted or int(counted[1]) < ticks:
-    sys.exit(f"{counted and counted[1]} of {ticks} measurements received")
-if len(set(by_ros2)) < ticks // 20:
-    sys.exit("the commands hardly differ: nothing was compared")
-print(f"{ticks} ticks: the same commands over ROS 2's wire as over LCM")
+def main():
+    tiller, robot, types, ticks = sys.argv[1], pathlib.Path(sys.argv[2]), sys.argv[3], int(sys.argv[4])
+    with tempfile.TemporaryDirectory() as name:
+        folder = pathlib.Path(name)
+        (folder / "robot.toml").write_text(small(robot.read_text(encoding="utf-8")), encoding="utf-8")
+        by_lcm, _ = run(tiller, types, ticks, "lcm", folder)
+        by_ros2, told = run(tiller, types, ticks, "ros2", folder)
+    if len(by_ros2) != ticks or by_lcm != by_ros2:
+        first = next((k for k, (a, b) in enumerate(zip(by_lcm, by_ros2)) if a != b), None)
+        sys.exit(f"other commands over ROS 2 than over LCM, first at tick {first}")
+    counted = re.search(r"ros2: (\d+) received, (\d+) sent", told)
+    if not counted or int(counted[1]) < ticks:
+        sys.exit(f"{counted and counted[1]} of {ticks} measurements received")
+    if len(set(by_ros2)) < ticks // 20:
+        sys.exit("the commands hardly differ: nothing was compared")
+    print(f"{ticks} ticks: the same commands over ROS 2's wire as over LCM")
+
+
+if __name__ == "__main__":
+    main()

@@ -17,6 +17,12 @@ def step(angle, rate, torque):
     return angle + STEP_S * rate, rate
 
 
+def period(angle, rate, torque):
+    for _ in range(round(PERIOD_US * 1e-6 / STEP_S)):
+        angle, rate = step(angle, rate, torque)
+    return angle, rate
+
+
 class OverLcm:
     def __init__(self):
         import lcm
@@ -60,31 +66,37 @@ class OverRos2:
         while (left_s := until - time.monotonic()) > 0:
             self.waits.wait(self.duration(seconds=left_s))
             for command in self.reader.take(N=16):
+                if not isinstance(command, self.ros2.Float64MultiArray):
+                    continue  # the writer is gone
                 if command.sample_info.source_timestamp == 10**9 + k * PERIOD_US * 1000:
                     return command.data[0]
         return None
 
 
-options = argparse.ArgumentParser(description=__doc__)
-options.add_argument("--over", choices=("lcm", "ros2"), required=True)
-options.add_argument("--ticks", type=int, required=True)
-options.add_argument("--commands", required=True)
-options = options.parse_args()
-link = OverLcm() if options.over == "lcm" else OverRos2()
-angle, rate, repeats, lost = 0.3, 0.0, 0, 0
-with open(options.commands, "w", encoding="ascii") as out:
-    for k in range(options.ticks + 2):  # the controller waits for one more than it needs
-        torque = None
-        while torque is None and (k < options.ticks or repeats < 10):
-            link.publish(k, angle)
-            # before the first answer the controller may not be there yet
-            torque = link.answer(k, 0.1 if k == 0 or k >= options.ticks or options.over == "lcm" else 20)
-            repeats += torque is None and k > 0
-            lost += torque is None and 0 < k < options.ticks
-        if torque is None:
-            break
-        out.write(torque.hex() + "\n")
-        for _ in range(round(PERIOD_US * 1e-6 / STEP_S)):
-            angle, rate = step(angle, rate, torque)
-print(f"{options.over}: {options.ticks} ticks, {lost} measurements sent again, angle {angle:.6f} rad")
-sys.exit(options.over == "ros2" and lost > 0)
+def main():
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--over", choices=("lcm", "ros2"), required=True)
+    options.add_argument("--ticks", type=int, required=True)
+    options.add_argument("--commands", required=True)
+    options = options.parse_args()
+    link = OverLcm() if options.over == "lcm" else OverRos2()
+    angle, rate, repeats, lost = 0.3, 0.0, 0, 0
+    with open(options.commands, "w", encoding="ascii") as out:
+        for k in range(options.ticks + 2):  # the controller waits for one more than it needs
+            torque = None
+            while torque is None and (k < options.ticks or repeats < 10):
+                link.publish(k, angle)
+                # before the first answer the controller may not be there yet
+                torque = link.answer(k, 0.1 if k == 0 or k >= options.ticks or options.over == "lcm" else 20)
+                repeats += torque is None and k > 0
+                lost += torque is None and 0 < k < options.ticks
+            if torque is None:
+                break
+            out.write(torque.hex() + "\n")
+            angle, rate = period(angle, rate, torque)
+    print(f"{options.over}: {options.ticks} ticks, {lost} measurements sent again, angle {angle:.6f} rad")
+    return int(options.over == "ros2" and lost > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -39,13 +39,13 @@ class Ros2Link final : public TransportLink {
     return status == tiller_status_ok ? ros2_transport_open(&ros2_, ros2, &problem) : status;
   }
 
-  /// A joint that is called otherwise, or a robot that nobody publishes: the operator hears of it at once.
+  /// Asked for while nothing has come yet: a joint that is called otherwise, a topic that nobody publishes.
   std::string news() override {
-    if (!told_refusal_ && ros2_.refused_source != nullptr && ros2_.counters.received == 0) {
-      told_refusal_ = true;
-      return refusal();
-    }
-    return TransportLink::news();
+    if (ros2_.counters.received > 0) return TransportLink::news();
+    if (ros2_.refusal != nullptr) return refusal();
+    char silence[300];
+    ros2_silence(&ros2_, silence, sizeof silence);
+    return silence;
   }
 
   std::string counters() const override {
@@ -82,7 +82,6 @@ class Ros2Link final : public TransportLink {
   }
 
   Ros2Transport ros2_;
-  bool told_refusal_ = false;
 };
 
 }  // namespace

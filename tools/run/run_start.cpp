@@ -22,7 +22,10 @@ bool RunStart::wait_for_first(double patience_s, Sensed& sensed, std::string& er
   do {
     sensed = link_.wait(stop_.flag());
     if (sensed.fresh) return true;
-    if (!told && Clock::now() > tell) progress_.say("waiting for the first measurement ...");
+    if (!told && Clock::now() > tell) {
+      const std::string news = link_.news();
+      progress_.say("waiting for the first measurement ..." + (news.empty() ? "" : " " + news));
+    }
     told = told || Clock::now() > tell;
   } while (stop_.flag() == 0 && Clock::now() < until);
   error = stop_.flag() != 0 ? "interrupted before the first measurement" : nothing_came(patience_s, sensed.fault);
