@@ -13,8 +13,11 @@
 namespace tiller_test {
 inline std::atomic<bool> trap_set{false};
 inline std::atomic<std::uint64_t> heap_calls{0};
+inline thread_local std::uint64_t heap_calls_here = 0;  ///< of this thread, ever
 inline void count_heap_call() {
-  if (trap_set.load(std::memory_order_relaxed)) heap_calls.fetch_add(1, std::memory_order_relaxed);
+  if (!trap_set.load(std::memory_order_relaxed)) return;
+  heap_calls.fetch_add(1, std::memory_order_relaxed);
+  ++heap_calls_here;
 }
 /// Allocations and releases during work(arg).
 inline std::uint64_t heap_calls_in(void (*work)(void*), void* arg) {
