@@ -382,6 +382,8 @@ tiller_status_t open_writer(Ros2Transport* transport, const Ros2Options& options
   const dds_entity_t writer = ros2_writer(transport->participant, Ros2Type::kEffort, topic);
   if (writer < 0) return failed(error, "cannot write", topic, writer);
   transport->writer = writer;
+  transport->diagnostics = ros2_writer(transport->participant, Ros2Type::kDiagnostics, "rt/diagnostics");
+  if (transport->diagnostics < 0) return failed(error, "cannot write", "rt/diagnostics", transport->diagnostics);
   return tiller_status_ok;
 }
 
@@ -416,6 +418,31 @@ tiller_status_t ros2_transport_open(Ros2Transport* transport, const Ros2Options&
   const tiller_status_t status = open_all(transport, options, error);
   if (status != tiller_status_ok) ros2_close(transport);
   return status;
+}
+
+tiller_status_t ros2_send_diagnostics(Ros2Transport* transport, const Ros2Diagnostics& diagnostics) {
+  if (transport->participant <= 0) return tiller_status_transport_closed;
+  // Cyclone's C types have no const: it only reads what is written
+  const auto text = [](const char* literal) { return const_cast<char*>(literal); };
+  diagnostic_msgs_msg_dds__KeyValue_ values[Ros2Diagnostics::kValues];
+  for (std::uint32_t i = 0; i < diagnostics.count; ++i)
+    values[i] = {text(diagnostics.value[i].key), text(diagnostics.value[i].text)};
+  diagnostic_msgs_msg_dds__DiagnosticStatus_ status{};
+  status.level = diagnostics.level;
+  status.name = text(diagnostics.name);
+  status.message = text(diagnostics.message);
+  status.hardware_id = text("");
+  status.values._buffer = values;
+  status.values._length = diagnostics.count;
+  diagnostic_msgs_msg_dds__DiagnosticArray_ message{};
+  const std::int64_t now_us = realtime_us();
+  message.header.stamp.sec = static_cast<std::int32_t>(now_us / 1000000);
+  message.header.stamp.nanosec = static_cast<std::uint32_t>(now_us % 1000000 * 1000);
+  message.header.frame_id = text("");
+  message.status._buffer = &status;
+  message.status._length = 1;
+  const dds_return_t sent = dds_write(transport->diagnostics, &message);
+  return sent == DDS_RETCODE_OK ? tiller_status_ok : tiller_status_io_error;
 }
 
 void ros2_silence(const Ros2Transport* transport, char* text, std::size_t size) {

@@ -50,7 +50,7 @@ struct Ros2Transport {
   static constexpr std::size_t kSeen = 200;
 
   Ros2Options options;  // its names are not kept
-  std::int32_t participant = 0, writer = 0;
+  std::int32_t participant = 0, writer = 0, diagnostics = 0;
   int event = -1;  // an eventfd: something has arrived
   Ros2Reader reader[kRos2Messages];
   double joint_value[TILLER_MAX_MEASUREMENTS] = {};
@@ -77,6 +77,23 @@ extern const tiller_transport_t kRos2Transport;
 /// DDS has threads and a heap of its own.
 [[nodiscard]] tiller_status_t ros2_transport_open(Ros2Transport* transport, const Ros2Options& options,
                                                   OpenError* error);
+
+/// One entry of diagnostic_msgs/DiagnosticArray on /diagnostics.
+struct Ros2Diagnostics {
+  static constexpr std::uint32_t kValues = 12;
+  struct Value {
+    const char* key;
+    char text[48];
+  };
+
+  std::uint8_t level = 0;  ///< 0 OK, 1 WARN, 2 ERROR
+  const char* name = "";
+  const char* message = "";
+  std::uint32_t count = 0;
+  Value value[kValues];
+};
+/// Stamped by this machine's system clock.
+tiller_status_t ros2_send_diagnostics(Ros2Transport* transport, const Ros2Diagnostics& diagnostics);
 
 /// Why nothing has come, for a tool's report: nobody publishes, another type, another QoS. Empty where messages came.
 /// Uses the heap.

@@ -29,9 +29,11 @@ FAULT_AT, TICKS = 60, 200
 class Run:
     """tiller run, and the pendulum that it steers."""
 
-    def __init__(self, folder, *more):
-        (folder / "robot.toml").write_text(small(ROBOT.read_text(encoding="utf-8")), encoding="utf-8")
-        command = [TILLER, "run", "robot.toml", "--transport", "ros2", "--arm", "--seconds", str(TICKS * 0.02), *more]
+    def __init__(self, folder, *more, more_text=""):
+        text = small(ROBOT.read_text(encoding="utf-8")) + more_text
+        (folder / "robot.toml").write_text(text, encoding="utf-8")
+        seconds = () if "--seconds" in more else ("--seconds", str(TICKS * 0.02))
+        command = [TILLER, "run", "robot.toml", "--transport", "ros2", "--arm", *seconds, *more]
         self.link, self.angle, self.rate, self.commands = OverRos2(), 0.3, 0.0, []
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=folder)
 

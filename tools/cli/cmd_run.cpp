@@ -178,7 +178,7 @@ class ArmSources {
   std::vector<std::unique_ptr<ArmSource>> sources_;
 };
 
-EpisodesOptions episodes_options(const Arguments& a, const std::vector<Goal>& goals, LcmGoals* lcm_goals) {
+EpisodesOptions episodes_options(const Arguments& a, const std::vector<Goal>& goals, GoalSource* goal_source) {
   EpisodesOptions options;
   options.episodes = a.episodes;
   options.posterior = a.posterior.empty() ? a.save_posterior : a.posterior;
@@ -193,7 +193,7 @@ EpisodesOptions episodes_options(const Arguments& a, const std::vector<Goal>& go
   options.run.files.records = a.records;
   options.run.real_time = !is_simulated(a);
   options.run.goals = goals;
-  options.run.lcm_goals = lcm_goals;
+  options.run.goal_source = goal_source;
   options.run.files.alarm_log = a.alarm_log_s > 0 ? alarm_log_of(a) : "";
   options.run.files.alarm_log_s = a.alarm_log_s;
   options.run.first_wait_s = a.wait_s;
@@ -289,11 +289,10 @@ int run_command(Arguments& a) {
   if (!a.report.empty() && !can_write_file(a.report, unwritable)) return complain("--report " + unwritable);
   std::vector<Goal> goals;
   Words problems;
-  LcmGoals lcm_goals(*robot);
+  const std::unique_ptr<GoalSource> goal_source = make_goal_source(a.goals, *robot);
   std::string deaf;
-  const bool from_lcm = a.goals == "lcm";
-  if (from_lcm && !lcm_goals.open(deaf)) return complain(deaf);
-  if (!a.goals.empty() && !from_lcm && !read_goals(a.goals, *robot, goals, problems)) {
+  if (goal_source && !goal_source->open(deaf)) return complain(deaf);
+  if (!a.goals.empty() && !goal_source && !read_goals(a.goals, *robot, goals, problems)) {
     for (const std::string& problem : problems) (void)complain(problem);
     return kExitBadInput;
   }
@@ -310,7 +309,7 @@ int run_command(Arguments& a) {
     return opened.link.get();
   };
   const ArmSources arm_sources(a, *robot);
-  EpisodesOptions episodes = episodes_options(a, goals, from_lcm ? &lcm_goals : nullptr);
+  EpisodesOptions episodes = episodes_options(a, goals, goal_source.get());
   episodes.run.arm_sources = arm_sources.list();
   const EpisodesResult all = run_episodes(*robot, episodes, open);
   if (all.last.ticks == 0) return all.exit_code;
@@ -320,7 +319,8 @@ int run_command(Arguments& a) {
   if (a.episodes > 1) std::printf("\n%s\nthe last one: ", episodes_table(*robot, all.rows).c_str());
   std::fputs(summary(*robot, options, all.last).c_str(), stdout);
   if (const std::string counted = opened.link->counters(); !counted.empty()) std::printf("  %s\n", counted.c_str());
-  if (const std::string counted = lcm_goals.counters(); !counted.empty()) std::printf("  %s\n", counted.c_str());
+  if (const std::string counted = goal_source ? goal_source->counters() : ""; !counted.empty())
+    std::printf("  %s\n", counted.c_str());
   for (const ArmSource* source : episodes.run.arm_sources)
     if (const std::string counted = source->counters(); !counted.empty()) std::printf("  %s\n", counted.c_str());
   const std::string misfit = misfit_text(*robot, 1e-6 * all.last.pace.tick_time.quantile_us(0.5));
@@ -417,7 +417,7 @@ void add_run_command(CLI::App& app, int& exit_code) {
       "--goals", a->goals,
       "CSV of goals: time_s, then states, outputs or angles of frames by name; each row is the target from "
       "its time on after the first measurement, or after a key or a message has armed (docs/reference/costs.md). lcm: "
-      "from the channel GOAL of [transport]");
+      "from the channel GOAL of [transport]; ros2: JointTrajectory and PoseStamped (docs/guide/ros2.md)");
   command->add_option("--log", a->log, "write a CSV row per tick");
   command->add_option("--report", a->report, "write a one-file HTML page (and its CSV beside it)");
   command

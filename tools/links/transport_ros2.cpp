@@ -1,4 +1,5 @@
 #include <cmath>
+#include <cstdio>
 
 #include "ros2/ros2_transport.hpp"
 #include "tools/links/transport_link.hpp"
@@ -48,6 +49,16 @@ class Ros2Link final : public TransportLink {
     return silence;
   }
 
+  void tell(const tiller_info_t& info, std::int64_t stamp_us, const LogState& log) override {
+    TransportLink::tell(info, stamp_us, log);
+    constexpr std::int64_t kEveryUs = 1000000;
+    if (told_ && stamp_us - told_us_ < kEveryUs && info.state == told_state_) return;
+    told_ = true;
+    told_us_ = stamp_us;
+    told_state_ = info.state;
+    (void)ros2_send_diagnostics(&ros2_, diagnostics_of(info));
+  }
+
   std::string counters() const override {
     std::string text = TransportLink::counters();
     if (ros2_.repeated_answers)
@@ -75,6 +86,30 @@ class Ros2Link final : public TransportLink {
     return tiller_status_ok;
   }
 
+  /// ACTIVE is OK, SAFE an error, everything else worth a look.
+  Ros2Diagnostics diagnostics_of(const tiller_info_t& info) const {
+    Ros2Diagnostics d;
+    const auto state = static_cast<tiller_state_t>(info.state);
+    d.level = state == tiller_state_active ? 0 : state == tiller_state_safe ? 2 : 1;
+    d.name = robot_.name.c_str();
+    d.message = state == tiller_state_safe ? tiller_status_text(static_cast<tiller_status_t>(info.first_fault))
+                                           : tiller_state_name(state);
+    const auto add = [&d](const char* key, double value) {
+      Ros2Diagnostics::Value& to = d.value[d.count++];
+      to.key = key;
+      (void)std::snprintf(to.text, sizeof to.text, "%.9g", value);
+    };
+    add("ticks", static_cast<double>(info.ticks));
+    add("tick_ms", 1e-6 * static_cast<double>(info.tick_ns));
+    add("plans", static_cast<double>(info.plans));
+    add("plan_cost", info.plan_cost);
+    add("effective_samples", info.effective_samples);
+    add("received", static_cast<double>(ros2_.counters.received));
+    add("bad_messages", static_cast<double>(ros2_.counters.bad_messages));
+    add("dropped_old", static_cast<double>(ros2_.counters.dropped_old));
+    return d;
+  }
+
   std::string refusal() const {
     if (ros2_.refused_source == nullptr) return ros2_.refusal;
     return "a JointState without the " + text_of(*ros2_.refused_source) + "; its joints are: " +
@@ -82,6 +117,9 @@ class Ros2Link final : public TransportLink {
   }
 
   Ros2Transport ros2_;
+  bool told_ = false;
+  std::int64_t told_us_ = 0;
+  std::uint32_t told_state_ = 0;
 };
 
 }  // namespace

@@ -5,7 +5,7 @@
 
 #include "io/lcm_messages.hpp"
 #include "tools/links/arm_source.hpp"
-#include "tools/links/lcm_goals.hpp"
+#include "tools/links/goal_source.hpp"
 #include "tools/logs/measured_rows.hpp"
 #include "tools/logs/recorder.hpp"
 #include "tools/robot/goals.hpp"
@@ -26,8 +26,8 @@ struct RunOptions {
   RecorderOptions files;          ///< the run itself adds has_truth, goals, lossless and epoch_us
   bool real_time = false;         ///< the wall clock sets the pace: nothing waits for the disk
   double first_wait_s = 10;       ///< wall time to wait for the first measurement
-  std::vector<Goal> goals;        ///< by time, counted like `seconds`; empty: the robot file's alone
-  LcmGoals* lcm_goals = nullptr;  ///< in their place: from whoever sends them
+  std::vector<Goal> goals;           ///< by time, counted like `seconds`; empty: the robot file's alone
+  GoalSource* goal_source = nullptr;  ///< in their place: from whoever sends them
   /// The safe command is sent, and nothing is learnt, until every measured state has stood within four deviations of
   /// the start's ([start] state, sd and the sensor's) for half a second: somebody puts the robot back.
   bool await_start = false;

@@ -13,7 +13,7 @@ RunTask::RunTask(Config& config, const RunOptions& options) : config_(config), o
 
 std::uint32_t RunTask::goal_kinds() const {
   std::uint32_t kinds = 0;
-  if (options_.lcm_goals) kinds = kGoalStates | (config_.cost.output_count > 0 ? kGoalOutputs : 0);
+  if (options_.goal_source) kinds = kGoalStates | (config_.cost.output_count > 0 ? kGoalOutputs : 0);
   for (const Goal& goal : options_.goals)
     kinds |= (goal.states.empty() ? 0 : kGoalStates) | (goal.outputs.empty() ? 0 : kGoalOutputs);
   return kinds;
@@ -37,7 +37,7 @@ void RunTask::pursue(tiller_t* controller, bool begun, double task_s, RecordEntr
   if (due > next_goal_) set(controller, goals[due - 1], entry);
   next_goal_ = due;
   Goal told;
-  if (options_.lcm_goals && options_.lcm_goals->poll(told)) set(controller, told, entry);
+  if (options_.goal_source && options_.goal_source->poll(told)) set(controller, told, entry);
   std::copy_n(config_.cost.target, config_.model->state_count, entry.target);
   std::copy_n(output_target_, config_.cost.output_count, entry.output_target);
 }
