@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <ctime>
-#include <memory>
 
 #include "ros2/ros2_wire.hpp"
 #include "ros2_messages.h"
@@ -72,7 +71,8 @@ class JointMessage {
 
 class Ros2Link final : public PlantLink {
  public:
-  Ros2Link(const Ros2Options& options, bool lockstep) : lockstep_(lockstep), message_(options.channels) {
+  Ros2Link(const Ros2Options& options, bool lockstep)
+      : lockstep_(lockstep), channels_(options.channels), message_(channels_) {
     if (!ros2_topic(options.joint_states.c_str(), states_) || !ros2_topic(options.commands.c_str(), commands_))
       error_ = "'" + options.joint_states + "' or '" + options.commands + "' is no name of a topic";
     else
@@ -133,6 +133,7 @@ class Ros2Link final : public PlantLink {
   }
 
   const bool lockstep_;
+  const std::vector<Ros2Channel> channels_;
   JointMessage message_;
   char states_[kRos2Topic] = "", commands_[kRos2Topic] = "";
   dds_entity_t participant_ = 0, writer_ = 0, reader_ = 0, waitset_ = 0;
@@ -143,11 +144,11 @@ class Ros2Link final : public PlantLink {
 
 }  // namespace
 
-int serve_ros2(Plant& plant, const Ros2Options& ros2, const ServeOptions& options, ServeReport& report) {
-  report = ServeReport{};
-  Ros2Link link(ros2, options.lockstep);
-  report.error = link.error();
-  return report.error.empty() ? serve(plant, link, options, report) : 1;
+std::unique_ptr<PlantLink> open_ros2_link(const Ros2Options& ros2, bool lockstep, std::string& error) {
+  auto link = std::make_unique<Ros2Link>(ros2, lockstep);
+  error = link->error();
+  if (!error.empty()) return nullptr;
+  return link;
 }
 
 }  // namespace tiller::sim
@@ -156,14 +157,23 @@ int serve_ros2(Plant& plant, const Ros2Options& ros2, const ServeOptions& option
 
 namespace tiller::sim {
 
-int serve_ros2(Plant&, const Ros2Options&, const ServeOptions&, ServeReport& report) {
-  report = ServeReport{};
-  report.error =
+std::unique_ptr<PlantLink> open_ros2_link(const Ros2Options&, bool, std::string& error) {
+  error =
       "ros2: this build is without Cyclone DDS. Install the packages cyclonedds-dev and cyclonedds-tools, then "
       "configure and build again";
-  return 1;
+  return nullptr;
 }
 
 }  // namespace tiller::sim
 
 #endif
+
+namespace tiller::sim {
+
+int serve_ros2(Plant& plant, const Ros2Options& ros2, const ServeOptions& options, ServeReport& report) {
+  report = ServeReport{};
+  const auto link = open_ros2_link(ros2, options.lockstep, report.error);
+  return link == nullptr ? 1 : serve(plant, *link, options, report);
+}
+
+}  // namespace tiller::sim

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -18,9 +19,12 @@ struct Ros2Options {
   std::vector<Ros2Channel> channels;                    ///< (measurements)
 };
 
-/// Serves the plant as a robot of ROS 2: JointState out, Float64MultiArray in; see serve(). In lockstep a command is the
-/// answer to the measurement whose stamp is its source timestamp; commands say neither the controller's state nor the
-/// number of its plan. A build without Cyclone DDS returns 1 with the packages to install.
+/// A robot of ROS 2: JointState out, Float64MultiArray in. In lockstep a command is the answer to the measurement whose
+/// stamp is its source timestamp; commands say neither the controller's state nor the number of its plan. Null with the
+/// reason in `error`: in a build without Cyclone DDS the packages to install.
+std::unique_ptr<PlantLink> open_ros2_link(const Ros2Options& ros2, bool lockstep, std::string& error);
+
+/// Serves the plant over ROS 2's topics; see serve().
 int serve_ros2(Plant& plant, const Ros2Options& ros2, const ServeOptions& options, ServeReport& report);
 
 }  // namespace tiller::sim
