@@ -11,15 +11,23 @@ constexpr std::uint32_t kRos2Messages = 3;
 
 /// Numbers of an Imu or an Odometry, by their place in kImuFields or kOdometryFields, the angles of its orientation
 /// behind them.
-constexpr const char* kImuFields[] = {
-    "orientation.x",         "orientation.y",         "orientation.z",         "orientation.w",
-    "angular_velocity.x",    "angular_velocity.y",    "angular_velocity.z",    "linear_acceleration.x",
-    "linear_acceleration.y", "linear_acceleration.z", "roll",                  "pitch",
-    "yaw"};
-constexpr const char* kOdometryFields[] = {
-    "position.x", "position.y", "position.z", "orientation.x", "orientation.y", "orientation.z", "orientation.w",
-    "linear.x",   "linear.y",   "linear.z",   "angular.x",     "angular.y",     "angular.z",     "roll",
-    "pitch",      "yaw"};
+constexpr const char* kImuFields[] = {"orientation.x",
+                                      "orientation.y",
+                                      "orientation.z",
+                                      "orientation.w",
+                                      "angular_velocity.x",
+                                      "angular_velocity.y",
+                                      "angular_velocity.z",
+                                      "linear_acceleration.x",
+                                      "linear_acceleration.y",
+                                      "linear_acceleration.z",
+                                      "roll",
+                                      "pitch",
+                                      "yaw"};
+constexpr const char* kOdometryFields[] = {"position.x",    "position.y",    "position.z",    "orientation.x",
+                                           "orientation.y", "orientation.z", "orientation.w", "linear.x",
+                                           "linear.y",      "linear.z",      "angular.x",     "angular.y",
+                                           "angular.z",     "roll",          "pitch",         "yaw"};
 constexpr const char* kJointFields[] = {"position", "velocity", "effort"};
 constexpr std::size_t kRos2Numbers = 16;
 

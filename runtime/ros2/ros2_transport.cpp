@@ -20,7 +20,7 @@ using Imu = sensor_msgs_msg_dds__Imu_;
 using Odometry = nav_msgs_msg_dds__Odometry_;
 using Efforts = std_msgs_msg_dds__Float64MultiArray_;
 
-constexpr int kMaxHandled = 64;        // of one topic between two ticks: a flood cannot hold one
+constexpr int kMaxHandled = 64;            // of one topic between two ticks: a flood cannot hold one
 constexpr std::uint32_t kMaxJoints = 256;  // of one message: more are a mistake, or meant to cost time
 constexpr std::int64_t kNsPerS = 1000000000;
 
@@ -48,9 +48,7 @@ bool stamp_of(const Message& message, std::int64_t* stamp_ns) {
 }
 
 /// Of this machine's system clock, by its monotonic one: as far from now.
-std::int64_t to_monotonic_us(std::int64_t stamp_us, std::int64_t now_us) {
-  return now_us - (realtime_us() - stamp_us);
-}
+std::int64_t to_monotonic_us(std::int64_t stamp_us, std::int64_t now_us) { return now_us - (realtime_us() - stamp_us); }
 
 /// Only newer stamps pass, until nothing has passed for as long as a publisher needs to start again. One that is ahead
 /// of the clock passes, for the controller to reject by name, and bars nothing.
@@ -122,7 +120,7 @@ void take_angles(double* quaternion, double* angles) {
 
 bool take_numbers(Ros2Transport* transport, const Imu& message) {
   double* to = reader_of(transport, Ros2Message::kImu).number;
-  const auto &q = message.orientation;
+  const auto& q = message.orientation;
   const auto &w = message.angular_velocity, &a = message.linear_acceleration;
   const double numbers[] = {q.x, q.y, q.z, q.w, w.x, w.y, w.z, a.x, a.y, a.z};
   std::memcpy(to, numbers, sizeof numbers);
@@ -400,9 +398,14 @@ tiller_status_t open_all(Ros2Transport* transport, const Ros2Options& options, O
 
 }  // namespace
 
-const tiller_transport_t kRos2Transport = {
-    sizeof(tiller_transport_t), TILLER_TRANSPORT_VERSION, "ros2",    ros2_poll, ros2_send,
-    ros2_descriptor,            ros2_counters,            ros2_close};
+const tiller_transport_t kRos2Transport = {sizeof(tiller_transport_t),
+                                           TILLER_TRANSPORT_VERSION,
+                                           "ros2",
+                                           ros2_poll,
+                                           ros2_send,
+                                           ros2_descriptor,
+                                           ros2_counters,
+                                           ros2_close};
 
 tiller_status_t ros2_transport_open(Ros2Transport* transport, const Ros2Options& options, OpenError* error) {
   if (transport == nullptr) return tiller_status_null_argument;

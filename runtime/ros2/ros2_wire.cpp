@@ -80,8 +80,7 @@ dds_entity_t make_topic(dds_entity_t participant, Ros2Type type, const char* top
 
 /// The type of a publisher of this topic that announces another one; null: there is none.
 bool find_foreign_type(dds_entity_t participant, const char* topic, const char* type, char* found, std::size_t size) {
-  const dds_entity_t known =
-      dds_create_reader(participant, DDS_BUILTIN_TOPIC_DCPSPUBLICATION, nullptr, nullptr);
+  const dds_entity_t known = dds_create_reader(participant, DDS_BUILTIN_TOPIC_DCPSPUBLICATION, nullptr, nullptr);
   constexpr std::uint32_t kMost = 256;
   void* samples[kMost] = {};
   dds_sample_info_t info[kMost];
@@ -108,7 +107,8 @@ bool ros2_topic(const char* name, char (&topic)[kRos2Topic]) {
   for (const char* c = name; *c != '\0'; ++c) {
     const auto letter = static_cast<unsigned char>(*c);
     const bool slash = *c == '/';
-    if (begins ? std::isalpha(letter) == 0 && *c != '_' : std::isalnum(letter) == 0 && *c != '_' && !slash) return false;
+    if (begins ? std::isalpha(letter) == 0 && *c != '_' : std::isalnum(letter) == 0 && *c != '_' && !slash)
+      return false;
     begins = slash;
   }
   if (begins) return false;

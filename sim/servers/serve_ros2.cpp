@@ -103,9 +103,7 @@ class Ros2Link final : public PlantLink {
   std::string error() const override { return error_; }
 
  private:
-  void fail(const char* what, dds_return_t why) {
-    error_ = std::string("ROS 2: ") + what + ": " + dds_strretcode(why);
-  }
+  void fail(const char* what, dds_return_t why) { error_ = std::string("ROS 2: ") + what + ": " + dds_strretcode(why); }
 
   void open() {
     participant_ = ros2_participant();

@@ -22,8 +22,8 @@ constexpr int kWarm = 2000, kTicks = 10000;
 int be_the_robot() {
   const dds_entity_t participant = ros2_participant();
   const dds_entity_t states = ros2_writer(participant, Ros2Type::kJointState, "rt/joint_states");
-  const dds_entity_t efforts = ros2_reader(participant, Ros2Type::kEffort, "rt/arm/commands", Ros2Qos::kReliable,
-                                           nullptr);
+  const dds_entity_t efforts =
+      ros2_reader(participant, Ros2Type::kEffort, "rt/arm/commands", Ros2Qos::kReliable, nullptr);
   char first[] = "shoulder", second[] = "elbow", other[] = "wrist", frame[] = "base";
   char* names[] = {first, second};
   double values[] = {0.5, 1};

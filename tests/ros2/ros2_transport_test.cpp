@@ -294,8 +294,7 @@ TEST_F(Ros2, SeveralMessagesMakeOneMeasurement) {
   EXPECT_TRUE(std::isnan(measurement_.value[3])) << "half a second old";
   set_stamp(pose, stamp_ns + kMs);
   ASSERT_EQ(DDS_RETCODE_OK, dds_write(odometry, &pose));
-  while (transport_.reader[2].time_us != (stamp_ns + kMs) / 1000)
-    (void)kRos2Transport.poll(&transport_, &measurement_);
+  while (transport_.reader[2].time_us != (stamp_ns + kMs) / 1000) (void)kRos2Transport.poll(&transport_, &measurement_);
   write(stamp_ns + 2 * kMs);
   ASSERT_EQ(tiller_status_ok, take());
   EXPECT_NEAR(1.2, measurement_.value[3], 1e-12);

@@ -5,8 +5,8 @@
 #include <memory>
 
 #include "io/udp_multicast.hpp"
-#include "sim/servers/serve_can.hpp"
 #include "ros2/ros2_source.hpp"
+#include "sim/servers/serve_can.hpp"
 #include "sim/servers/serve_lcm.hpp"
 #include "sim/servers/serve_ros2.hpp"
 #include "tools/base/stop_flag.hpp"

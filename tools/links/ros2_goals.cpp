@@ -25,8 +25,8 @@ Ros2Goals::Ros2Goals(const RobotFile& robot) : robot_(robot), target_(robot) {
   for (const auto& [name, field] : section.goal_fields) {
     const int output = index_of(robot.names.outputs, name);
     const int target = output >= 0 ? output : index_of(robot.names.states, name);
-    pose_.push_back({static_cast<std::size_t>(ros2_pose_field(field.c_str())), static_cast<std::size_t>(target),
-                     output >= 0});
+    pose_.push_back(
+        {static_cast<std::size_t>(ros2_pose_field(field.c_str())), static_cast<std::size_t>(target), output >= 0});
   }
 }
 

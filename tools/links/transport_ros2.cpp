@@ -112,8 +112,8 @@ class Ros2Link final : public TransportLink {
 
   std::string refusal() const {
     if (ros2_.refused_source == nullptr) return ros2_.refusal;
-    return "a JointState without the " + text_of(*ros2_.refused_source) + "; its joints are: " +
-           (ros2_.seen[0] ? ros2_.seen : "none");
+    return "a JointState without the " + text_of(*ros2_.refused_source) +
+           "; its joints are: " + (ros2_.seen[0] ? ros2_.seen : "none");
   }
 
   Ros2Transport ros2_;

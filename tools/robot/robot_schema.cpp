@@ -253,8 +253,7 @@ const std::vector<KeySpec> kOthers = {
      "angle",
      nullptr, kLeastWeight},
 
-    {"transport", "kind", K::choice, "", kRequired, 0, 0, false, hand,
-     transport_names, "how the robot is reached"},
+    {"transport", "kind", K::choice, "", kRequired, 0, 0, false, hand, transport_names, "how the robot is reached"},
     {"transport", "url", K::text, "", "udpm://239.255.76.67:7667?ttl=0", 0, 0, false, hand, nullptr,
      "lcm: the provider; ttl=0 keeps messages on this machine"},
     {"transport", "channel_prefix", K::text, "", "TILLER_", 0, 0, false, hand, nullptr,

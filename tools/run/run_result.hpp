@@ -23,10 +23,10 @@ struct RunOptions {
   double seconds = 0;
   unsigned threads = 1;
   bool quiet = false;
-  RecorderOptions files;          ///< the run itself adds has_truth, goals, lossless and epoch_us
-  bool real_time = false;         ///< the wall clock sets the pace: nothing waits for the disk
-  double first_wait_s = 10;       ///< wall time to wait for the first measurement
-  std::vector<Goal> goals;           ///< by time, counted like `seconds`; empty: the robot file's alone
+  RecorderOptions files;              ///< the run itself adds has_truth, goals, lossless and epoch_us
+  bool real_time = false;             ///< the wall clock sets the pace: nothing waits for the disk
+  double first_wait_s = 10;           ///< wall time to wait for the first measurement
+  std::vector<Goal> goals;            ///< by time, counted like `seconds`; empty: the robot file's alone
   GoalSource* goal_source = nullptr;  ///< in their place: from whoever sends them
   /// The safe command is sent, and nothing is learnt, until every measured state has stood within four deviations of
   /// the start's ([start] state, sd and the sensor's) for half a second: somebody puts the robot back.

@@ -11,8 +11,8 @@ extern "C" tiller_config_t robot_config(void);
 namespace tiller_ros2_control {
 
 using controller_interface::CallbackReturn;
-using controller_interface::InterfaceConfiguration;
 using controller_interface::interface_configuration_type;
+using controller_interface::InterfaceConfiguration;
 using controller_interface::return_type;
 
 CallbackReturn TillerController::on_init() {
@@ -32,9 +32,10 @@ InterfaceConfiguration TillerController::state_interface_configuration() const {
 bool TillerController::sizes_fit() const {
   if (state_names_.size() == config_.measurement_count && command_names_.size() == config_.model->input_count)
     return true;
-  RCLCPP_ERROR(get_node()->get_logger(),
-               "the robot file has %u measurements and %u inputs; state_interfaces lists %zu and command_interfaces %zu",
-               config_.measurement_count, config_.model->input_count, state_names_.size(), command_names_.size());
+  RCLCPP_ERROR(
+      get_node()->get_logger(),
+      "the robot file has %u measurements and %u inputs; state_interfaces lists %zu and command_interfaces %zu",
+      config_.measurement_count, config_.model->input_count, state_names_.size(), command_names_.size());
   return false;
 }
 

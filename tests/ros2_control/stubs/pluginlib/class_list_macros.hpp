@@ -6,9 +6,9 @@
 
 /// The stub's loader: the one class of the library, by the names of the plugin description.
 #define PLUGINLIB_EXPORT_CLASS(Class, Base)                                     \
-  std::unique_ptr<Base> load_plugin(const char* class_type, const char* base); \
+  std::unique_ptr<Base> load_plugin(const char* class_type, const char* base);  \
   std::unique_ptr<Base> load_plugin(const char* class_type, const char* base) { \
-    const std::string type = class_type, base_type = base;                     \
+    const std::string type = class_type, base_type = base;                      \
     if (type != #Class || base_type != #Base) return nullptr;                   \
     return std::make_unique<Class>();                                           \
   }

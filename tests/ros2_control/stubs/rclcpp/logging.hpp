@@ -6,9 +6,9 @@
 
 #include "rclcpp/rclcpp.hpp"
 
-#define RCLCPP_ERROR(logger, ...)        \
-  do {                                   \
-    (void)(logger);                      \
+#define RCLCPP_ERROR(logger, ...)            \
+  do {                                       \
+    (void)(logger);                          \
     (void)std::fprintf(stderr, __VA_ARGS__); \
-    (void)std::fputc('\n', stderr);      \
+    (void)std::fputc('\n', stderr);          \
   } while (false)
