@@ -78,7 +78,7 @@ dds_entity_t make_topic(dds_entity_t participant, Ros2Type type, const char* top
   return dds_create_topic(participant, ros2_type(type).descriptor, topic, nullptr, nullptr);
 }
 
-/// The type of a publisher of this topic that announces another one; null: there is none.
+/// The type of a publisher of this topic that announces another one. False: there is none.
 bool find_foreign_type(dds_entity_t participant, const char* topic, const char* type, char* found, std::size_t size) {
   const dds_entity_t known = dds_create_reader(participant, DDS_BUILTIN_TOPIC_DCPSPUBLICATION, nullptr, nullptr);
   constexpr std::uint32_t kMost = 256;
