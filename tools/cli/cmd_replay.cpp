@@ -1,10 +1,9 @@
 #include <algorithm>
 #include <cstdio>
 #include <memory>
-#include <utility>
 
+#include "tools/cli/log_arguments.hpp"
 #include "tools/command/commands.hpp"
-#include "tools/open/robot_open.hpp"
 #include "tools/replay/replay.hpp"
 #include "tools/robot/calibration.hpp"
 
@@ -17,28 +16,9 @@ struct Arguments {
   Overrides overrides;
 };
 
-/// Whoever gives the robot file first means the same.
-void put_log_first(Arguments& a) {
-  const auto is_robot = [](const std::string& name) {
-    return name.size() > 5 && name.substr(name.size() - 5) == ".toml";
-  };
-  if (is_robot(a.log) && !a.robot.empty() && !is_robot(a.robot)) std::swap(a.log, a.robot);
-}
-
-std::unique_ptr<RobotFile> read_robot(const Arguments& a) {
-  if (!a.robot.empty()) return read_robot_or_complain(a.robot);
-  const std::string text = robot_in_log(a.log);
-  std::string errors = a.log +
-                       ": no robot file is in it, as an MCAP of `tiller run --record` has; give it as the second "
-                       "argument: tiller replay LOG my_robot.toml\n";
-  auto robot = text.empty() ? nullptr : parse_robot_file(text, a.log + ":robot.toml", errors);
-  if (!robot) std::fputs(errors.c_str(), stderr);
-  return robot;
-}
-
 int replay_command(Arguments a) {
-  put_log_first(a);
-  const auto robot = read_robot(a);
+  put_log_first(a.log, a.robot);
+  const auto robot = read_robot_of_log("replay", a.log, a.robot);
   if (!robot || !apply_overrides(a.overrides, *robot)) return kExitBadInput;
   std::string error;
   RecordedRun run;

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <istream>
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -22,6 +23,8 @@ struct RecordedRun {
   std::vector<LogHole> holes;  ///< what is missing among them, in their order
   std::string note;            ///< what of the file is missing or could not be read; empty: nothing
   bool cut_off = false;        ///< the file ends early, is damaged or has holes
+  std::size_t first_line = 0;  ///< of a text with a line for each tick: that of the first one
+  double deadline_us = std::numeric_limits<double>::quiet_NaN();  ///< of a plan; 0: none; NaN: not told
 };
 
 /// Adds the ticks that the entries' numbers leave out to the holes that a reader has found, and tells of all in the

@@ -147,6 +147,9 @@ RecordEntry entry_of(const RobotFile& robot, CsvRow& row) {
   row.word("status", r.status, statuses);
   row.word("state", r.command.state, states);
   r.command.stamp_us = r.now_us;
+  double tick_us = 0;
+  row.number("tick_us", tick_us);
+  r.tick_ns = std::isfinite(tick_us) ? std::llround(1e3 * tick_us) : 0;
   row.numbers("", robot.names.inputs, r.command.value);
   row.numbers("mean.", robot.names.states, r.state_mean);
   take_parameters(robot, row, r);
@@ -173,6 +176,8 @@ bool read_csv_run(std::istream& file, const std::string& path, const RobotFile& 
     run.cut_off = !csv.is_whole();
     if (run.cut_off) break;
     const bool whole = csv.size() == csv.names().size();
+    if (run.entries.empty() && row.has("deadline_us")) row.number("deadline_us", run.deadline_us);
+    if (run.entries.empty()) run.first_line = static_cast<std::size_t>(csv.line());
     if (whole) run.entries.push_back(entry_of(robot, row));
     if (whole && row.wrong().empty()) continue;
     error = path + ":" + std::to_string(csv.line()) + ": " +

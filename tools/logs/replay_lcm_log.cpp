@@ -267,6 +267,7 @@ bool read_lcm_run(std::istream& file, const std::string& path, const RobotFile& 
     return !a.has_answered || a.command.stamp_us == a.answered.stamp_us;
   };
   const bool lockstep = std::all_of(ticks.begin(), ticks.end(), stands_at_its_stamp);
+  if (lockstep) run.deadline_us = 0;
   Foresight foresight;
   std::uint32_t before = tiller_state_init;
   std::int32_t periods_before = 0;
