@@ -178,7 +178,7 @@ class Shapes(unittest.TestCase):
         sketch, points = self.points({"links": [{
             "name": "wheel", "circles": [{"at_m": [0, 0.5, "r"], "radius_m": "2*r", "normal": [0, 1, 0]}],
             "boxes": [{"at_m": ["r", 0, 0], "size_m": [0.2, 0.4, "r"]}]}]}, r=0.3)
-        (rim,), box = animation.outline(sketch.shapes[0], points), animation.outline(sketch.shapes[1], points)
+        (rim,), box = figure.outline(sketch.shapes[0], points), figure.outline(sketch.shapes[1], points)
         np.testing.assert_allclose(np.linalg.norm(rim - [0, 0.5, 0.3], axis=1), 0.6, atol=1e-12)
         np.testing.assert_allclose(rim[:, 1], 0.5, atol=1e-12)
         corners = {tuple(np.round(p, 9)) for line in box for p in line}

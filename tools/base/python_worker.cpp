@@ -1,5 +1,7 @@
 #include "tools/base/python_worker.hpp"
 
+#include <poll.h>
+#include <signal.h>
 #include <spawn.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
@@ -30,10 +32,11 @@ int spawn(std::vector<std::string> command, int socket, pid_t& process) {
 }  // namespace
 
 std::unique_ptr<PythonWorker> PythonWorker::start(const std::string& module, const std::vector<std::string>& arguments,
-                                                  std::string& error) {
+                                                  std::string& error, Socket kind) {
   int ends[2];
   pid_t process = -1;
-  int why = ::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) == 0 ? 0 : errno;
+  const int type = kind == Socket::packets ? SOCK_SEQPACKET : SOCK_STREAM;
+  int why = ::socketpair(AF_UNIX, type | SOCK_CLOEXEC, 0, ends) == 0 ? 0 : errno;
   if (why == 0) {
     why = spawn(python_command(module, arguments), ends[1], process);
     ::close(ends[1]);
@@ -55,11 +58,38 @@ bool PythonWorker::send(const void* data, std::size_t size) {
   while (size > 0) {
     const ssize_t n = ::send(socket_, at, size, MSG_NOSIGNAL);
     if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) return false;
+    gone_ = n <= 0;
+    if (gone_) return false;
     at += n, size -= static_cast<std::size_t>(n);
   }
   return true;
 }
+
+bool PythonWorker::offer(const void* data, std::size_t size) {
+  ssize_t n = -1;
+  do n = ::send(socket_, data, size, MSG_NOSIGNAL | MSG_DONTWAIT);
+  while (n < 0 && errno == EINTR);
+  if (n >= 0) return true;
+  gone_ = errno != EAGAIN && errno != EWOULDBLOCK && errno != ENOBUFS;
+  return false;
+}
+
+void PythonWorker::end_input() { ::shutdown(socket_, SHUT_WR); }
+
+PythonWorker::Heard PythonWorker::hear(int timeout_ms, std::size_t most, std::string& text) {
+  text.clear();
+  pollfd waiting = {socket_, POLLIN, 0};
+  int ready = -1;
+  do ready = ::poll(&waiting, 1, timeout_ms);
+  while (ready < 0 && errno == EINTR);
+  if (ready == 0) return Heard::nothing;
+  text.resize(most);
+  const ssize_t n = ::recv(socket_, text.data(), most, 0);
+  text.resize(n > 0 ? static_cast<std::size_t>(n) : 0);
+  return n > 0 ? Heard::something : Heard::end;
+}
+
+void PythonWorker::kill() { ::kill(process_, SIGKILL); }
 
 bool PythonWorker::receive(void* data, std::size_t size) {
   char* at = static_cast<char*>(data);

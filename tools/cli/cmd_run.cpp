@@ -4,6 +4,7 @@
 #include "tools/base/output_file.hpp"
 #include "tools/base/report.hpp"
 #include "tools/cli/method_options.hpp"
+#include "tools/cli/view_options.hpp"
 #include "tools/command/commands.hpp"
 #include "tools/doctor/tick_forecast.hpp"
 #include "tools/links/lcm_arming.hpp"
@@ -39,6 +40,7 @@ struct Arguments {
   std::string simulator;    // of the method bayes_sim
   RefitPrior by_simulator;  // made of it
   Overrides overrides;
+  ViewerOptions view;
 
   bool refits() const { return refit.method != "posterior"; }
 };
@@ -301,17 +303,26 @@ int run_command(Arguments& a) {
     a.log = std::filesystem::path(a.report).replace_extension(".csv").string();
   }
   Opened opened;
+  std::unique_ptr<Viewer> viewer;  // one for all episodes
   const OpenEpisode open = [&](const RobotFile& now, std::vector<double>& true_params, std::string& error) {
     // a robot behind a transport stays connected; a plant in this process starts again
     if ((a.sim || !opened.link) && !open_link(a, a.sim ? now : *robot, opened, error))
       return static_cast<Link*>(nullptr);
     true_params = opened.true_params;
+    if (!a.view.kind.empty() && !viewer) {
+      const RunStory story = {robot->name, "", true, true_params};
+      viewer = Viewer::open(a.view, *robot, run_facts_json(*robot, RunResult{}, story), error);
+      if (!viewer) return static_cast<Link*>(nullptr);
+    }
     return opened.link.get();
   };
   const ArmSources arm_sources(a, *robot);
   EpisodesOptions episodes = episodes_options(a, goals, goal_source.get());
   episodes.run.arm_sources = arm_sources.list();
+  if (!a.view.kind.empty())
+    episodes.run.watch = [&viewer](const tiller_t* controller, const LoggedTick& tick) { viewer->show(controller, tick); };
   const EpisodesResult all = run_episodes(*robot, episodes, open);
+  if (viewer) std::printf("%s\n", viewer->close().c_str());
   if (all.last.ticks == 0) return all.exit_code;
   RunOptions options;
   options.files.true_params = opened.true_params;
@@ -434,6 +445,7 @@ void add_run_command(CLI::App& app, int& exit_code) {
   command->add_option("--histogram", a->histogram,
                       "write a CSV of how long ticks took and how late they began: upper_us, ticks, wake_ups");
   const Words known = add_learning_options(*command, *a);
+  add_view_options(*command, a->view);
   command->add_flag("--quiet", a->quiet, "no progress");
   add_override_options(*command, a->overrides);
   command->footer(kRunFooter);
@@ -441,6 +453,7 @@ void add_run_command(CLI::App& app, int& exit_code) {
     a->calibrates = command->count("--calibrate") > 0;
     std::string wrong = misplaced_option(*command, known, a->refit.method, a->refit.how);
     if (wrong.empty()) wrong = contradicted_method(*a);
+    if (wrong.empty()) wrong = contradicted_view(a->view);
     exit_code = wrong.empty() ? run_command(*a) : complain(wrong);
   });
 }

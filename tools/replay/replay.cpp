@@ -153,6 +153,7 @@ bool replay_through_file(const RobotFile& robot, RecordedRun& run, const ReplayO
     tiller_info_t info{};
     tiller_get_info(controller, &info);
     compare(robot, run, i, command, info, options.tolerance, result);
+    if (options.watch) options.watch(controller, entry, info);
   }
   return true;
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <istream>
 #include <string>
 
@@ -14,6 +15,8 @@ struct ReplayOptions {
   bool real_time = false;           ///< at the pace of the log
   double patience_s = 5;            ///< over LCM: wall time to wait for an answer
   std::string url, channel_prefix;  ///< over LCM
+  /// Through a file: sees each tick of the replaying controller.
+  std::function<void(const tiller_t* controller, const RecordEntry& entry, const tiller_info_t& info)> watch;
 };
 
 /// Where the two first differ.

@@ -34,11 +34,11 @@ RunFiles::RunFiles(const RobotFile& robot, const RunOptions& options, bool has_t
 
 void RunFiles::take(const tiller_t* controller, LoggedTick& tick) {
   if (config_.planner.predict_spread != 0) foresight_.look(controller, tick.info);
+  tick.was_foreseen = foresight_.recall(tick.info, tick.foreseen_mean, tick.foreseen_sd);
   if (!wanted()) return;
   if (tiller_get_record(controller, tick.info.ticks - 1, &tick.entry.record) != tiller_status_ok) return;
   take_news(tick.info, tick.entry);
   if (config_.cost.outputs) (void)tiller_get_outputs(controller, tick.outputs);
-  tick.was_foreseen = foresight_.recall(tick.info, tick.foreseen_mean, tick.foreseen_sd);
   // a tick without a measurement has none, and neither has one that tests nothing
   const bool fresh = tick.entry.record.has_measurement != 0;
   const AdequacyTest* test = fresh ? controller->executive->posterior().adequacy() : nullptr;

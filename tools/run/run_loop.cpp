@@ -163,6 +163,7 @@ class Runner {
     if (options_.keep_rows && record.has_measurement != 0)
       result_.rows.add(static_cast<int>(tick_.info.ticks), record.measurement, record.command);
     files_.take(host_.get(), tick_);
+    if (options_.watch) options_.watch(host_.get(), tick_);
     progress_.show(tick_);
   }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -32,6 +33,8 @@ struct RunOptions {
   /// the start's ([start] state, sd and the sensor's) for half a second: somebody puts the robot back.
   bool await_start = false;
   bool keep_rows = false;  ///< RunResult::rows
+  /// Sees every tick when its command is out, in the tick's thread: what it does, the next tick waits for.
+  std::function<void(const tiller_t* controller, const LoggedTick& tick)> watch;
   bool calibrate = false;  ///< moves for learning alone, as [probe] says, before the task
 };
 

@@ -252,19 +252,6 @@ def project(points: np.ndarray, view: str) -> np.ndarray:
     return points @ np.stack([right, up], axis=1)
 
 
-def outline(shape: list, points: np.ndarray) -> list[np.ndarray]:
-    """The lines of a shape, each (points x 3), of one frame's points."""
-    kind, at = shape[0], points[shape[1:]]
-    if kind == "line":
-        return [at]
-    if kind == "circle":
-        angle = np.linspace(0, 2 * np.pi, 33)[:, None]
-        return [at[0] + np.cos(angle) * (at[1] - at[0]) + np.sin(angle) * (at[2] - at[0])]
-    a, b, c = (at[k] - at[0] for k in (1, 2, 3))
-    face = [at[0], at[0] + a, at[0] + a + b, at[0] + b, at[0]]
-    return [np.array(face), np.array(face) + c] + [np.array([p, p + c]) for p in face[:4]]
-
-
 def _spread_out(points: np.ndarray) -> np.ndarray:
     """Frames between which the figure moved equally far: a robot that has arrived is shown once."""
     known = np.flatnonzero(np.isfinite(points).all(axis=(1, 2)))
@@ -286,13 +273,13 @@ def still(scene: Scene) -> str:
         last = i == len(frames) - 1
         shade = 0.15 + 0.45 * i / max(1, len(frames) - 1)
         for k, shape in enumerate(scene.sketch.shapes):
-            for line in outline(shape, scene.estimate[frame]):
+            for line in fig.outline(shape, scene.estimate[frame]):
                 ax.plot(*project(line, scene.view).T, color=page.ESTIMATE, alpha=1 if last else shade,
                         linewidth=2.4 if last else 1.6, solid_capstyle="round",
                         label="estimate at the end" if last and k == 0 else None)
     _draw_goal(ax, scene)
     for points in scene.obstacles:
-        for line in outline(["circle", 0, 1, 2], np.array(points)):
+        for line in fig.outline(["circle", 0, 1, 2], np.array(points)):
             ax.fill(*project(line, scene.view).T, color=page.LIMIT, alpha=0.35, linewidth=0)
     ax.margins(0.08)
     ax.set_aspect("equal", adjustable="datalim")
@@ -305,7 +292,7 @@ def _draw_goal(ax, scene: Scene) -> None:
     style = {"color": page.INK, "linewidth": 1.2, "linestyle": (0, (1, 1.2))}
     if scene.goal is not None:
         for shape in scene.sketch.shapes:
-            for line in outline(shape, scene.goal[-1]):
+            for line in fig.outline(shape, scene.goal[-1]):
                 ax.plot(*project(line, scene.view).T, label="goal", **style)
     for point in [frame[-1, 0] for frame in scene.frames] + [mark[-1] for mark in scene.marks]:
         ax.plot(*project(point[None], scene.view).T, "+", color=page.INK, markersize=9, label="goal")

@@ -163,3 +163,16 @@ class Sketch:
 
 def _scaled(terms: list, by: float) -> list:
     return [[factor * by, name] for factor, name in terms]
+
+
+def outline(shape: list, points: np.ndarray) -> list[np.ndarray]:
+    """The lines of a shape, each (points x 3), of one frame's points."""
+    kind, at = shape[0], points[shape[1:]]
+    if kind == "line":
+        return [at]
+    if kind == "circle":
+        angle = np.linspace(0, 2 * np.pi, 33)[:, None]
+        return [at[0] + np.cos(angle) * (at[1] - at[0]) + np.sin(angle) * (at[2] - at[0])]
+    a, b, c = (at[k] - at[0] for k in (1, 2, 3))
+    face = [at[0], at[0] + a, at[0] + a + b, at[0] + b, at[0]]
+    return [np.array(face), np.array(face) + c] + [np.array([p, p + c]) for p in face[:4]]
