@@ -135,6 +135,11 @@ def bounded(command):
         return re.sub(r"--earlier \d+", "--earlier 6", command) + " --trials 1 --seconds 1"
     if command.startswith("tiller tune ") and "--trials" not in command:
         return f"{command} {FEW_TRIALS}"
+    if shown := re.search(r"--view (rerun|foxglove)", command):  # nobody looks at a window
+        if "--view-file" not in command:
+            command += f" --view-file view.{'rrd' if shown[1] == 'rerun' else 'mcap'}"
+    elif command.startswith("tiller view "):
+        command += " --view-file view.rrd"
     command = command.replace("--robots 200 --odd 5", "--robots 12 --odd 1")  # two hundred logs take minutes
     return command + (f" --seconds {SECONDS}" if endless and "demo" not in command else "")
 

@@ -25,6 +25,8 @@ HAND = """\
 
 
 class Faults(Run):
+    alone = []  # the rows of a run without a viewer
+
     def hand(self, what):
         path = self.folder / "viewer"
         path.write_text(textwrap.dedent(HAND).format(python=sys.executable, what=what), encoding="utf-8")
@@ -38,10 +40,11 @@ class Faults(Run):
         """What the run with that viewer tells; its CSV is that of a run without one."""
         told = self.steer("--view", "rerun", "--view-file", "seen.rrd", log="seen.csv", seconds=2,
                           TILLER_PYTHON=self.hand(what))
-        self.steer(log="alone.csv", seconds=2)
-        seen, alone = self.repeatable("seen.csv"), self.repeatable("alone.csv")
-        self.assertEqual(len(seen), 100)
-        self.assertEqual(seen, alone)
+        if not Faults.alone:
+            self.steer(log="alone.csv", seconds=2)
+            Faults.alone = self.repeatable("alone.csv")
+        self.assertEqual(len(Faults.alone), 100)
+        self.assertEqual(self.repeatable("seen.csv"), Faults.alone)
         shown, dropped = self.counted(told)
         self.assertEqual(shown + dropped, 100)
         return told, dropped

@@ -12,7 +12,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import socket
 import subprocess
 import sys
@@ -22,11 +21,13 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+import rerun_cli
 
 from .table import ReportError
 from .view_scene import Histograms, Pace, Scene, band
 
 BLUE, GREY, GREEN, RED, LIGHT = (31, 119, 180), (120, 120, 120), (44, 160, 44), (214, 39, 40), (160, 200, 230)
+NO_LEGEND = rrb.PlotLegend(visible=False)  # it would cover the curves; docs/guide/live_view.md tells their colours
 LOOK = {"mean": (BLUE, 2.0), "low": (LIGHT, 1.0), "high": (LIGHT, 1.0), "measured": (GREEN, 1.0), "true": (GREY, 1.0),
         "foreseen_low": (RED, 0.7), "foreseen_high": (RED, 0.7)}
 
@@ -42,6 +43,7 @@ class RerunView:
         self._stream = rr.RecordingStream(f"tiller {hello['title']}")
         self._open(file)
         self._stream.send_blueprint(self.blueprint())
+        self._stream.log("robot", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
 
     # ---- where it goes ------------------------------------------------------------------------------------------
 
@@ -57,10 +59,7 @@ class RerunView:
 
     def _serve(self) -> None:
         """No display: Rerun's own server, for a browser on this machine or at the end of a tunnel."""
-        program = Path(sys.executable).with_name("rerun")
-        program = str(program) if program.exists() else shutil.which("rerun")
-        if not program:
-            raise ReportError("there is no display, and no program `rerun` for a browser; name a --view-file")
+        program = str(Path(rerun_cli.__file__).with_name("rerun"))  # itself, not the script that would start it
         port, web_port = free_port(), free_port()
         self._server = subprocess.Popen([program, "--serve-web", "--bind", "127.0.0.1", "--port", str(port),
                                          "--web-viewer-port", str(web_port)], stdin=subprocess.DEVNULL,
@@ -86,26 +85,25 @@ class RerunView:
     # ---- how it is arranged -------------------------------------------------------------------------------------
 
     def blueprint(self) -> rrb.Blueprint:
-        curves = [rrb.TimeSeriesView(origin=f"states/{name}", name=name) for name in self._columns["mean"]]
-        curves.append(rrb.TimeSeriesView(origin="commands", name="commands"))
-        beliefs = [rrb.TimeSeriesView(origin=f"parameters/{name}", name=name)
-                   for name in self._columns.get("parameter", [])]
-        clouds = [rrb.BarChartView(origin=f"particles/{name}", name=f"particles: {name}")
+        curves = [curves_of(f"states/{name}", name) for name in self._columns["mean"]]
+        curves.append(curves_of("commands", "commands"))
+        beliefs = [curves_of(f"parameters/{name}", name) for name in self._columns.get("parameter", [])]
+        clouds = [rrb.BarChartView(origin=f"particles/{name}", name=f"particles: {name}", plot_legend=NO_LEGEND)
                   for name in self._histograms.names]
-        plans = [rrb.BarChartView(origin=f"planned/{name}", name=f"plan: {name}") for name in self._columns["plan"]]
-        plans += [rrb.Spatial2DView(origin=f"predicted/{name}", name=f"predicted: {name}")
+        plans = [rrb.BarChartView(origin=f"planned/{name}", name=f"plan: {name}", plot_legend=NO_LEGEND) for name in self._columns["plan"]]
+        plans += [rrb.Spatial2DView(origin=f"predicted/{name}", name=name)
                   for name in self._columns.get("predicted", [])]
-        pushes = [rrb.TimeSeriesView(origin=f"{kind}/{name}", name=f"{kind}: {name}")
+        pushes = [curves_of(f"{kind}/{name}", f"{kind}: {name}")
                   for kind, field in (("forces", "force"), ("slips", "slip")) for name in self._columns.get(field, [])
                   if kind == "forces" or not self._columns.get("force")]
-        pages = [rrb.Grid(*plans, name="plan"), rrb.Grid(*beliefs, *clouds, name="posterior")]
+        pages = [rrb.Grid(*plans, name="plan and predicted bands"), rrb.Grid(*beliefs, *clouds, name="posterior")]
         pages += [rrb.Grid(*pushes, name="disturbance")] if pushes else []
-        pages.append(rrb.Vertical(rrb.TimeSeriesView(origin="tick", name="tick"),
+        pages.append(rrb.Vertical(rrb.TimeSeriesView(origin="tick", name="microseconds, effective samples, adequacy"),
                                   rrb.TextLogView(origin="events", name="events"), name="tick"))
         left = [rrb.Spatial3DView(origin="robot", name="robot")] if self.scene.draws else []
         return rrb.Blueprint(rrb.Horizontal(rrb.Vertical(*left, rrb.Tabs(*pages), row_shares=[3, 2][:1 + len(left)]),
                                             rrb.Vertical(*curves), column_shares=[3, 2]),
-                             rrb.TimePanel(state="collapsed"), rrb.SelectionPanel(state="collapsed"),
+                             rrb.TimePanel(state="collapsed", timeline="robot_time", play_state="following"), rrb.SelectionPanel(state="collapsed"),
                              rrb.BlueprintPanel(state="collapsed"))
 
     def save_layout(self, path: str) -> None:
@@ -191,7 +189,7 @@ class RerunView:
             self._plan(batch, row)
             for name in self._histograms.names:
                 middles, shares = self._histograms.of(batch, row, name)
-                self._stream.log(f"particles/{name}", rr.BarChart(shares, abscissa=middles, color=BLUE))
+                self._stream.log(f"particles/{name}", bars(middles, shares))
 
     def _figures(self, batch, rows: np.ndarray) -> dict:
         if not self.scene.draws:
@@ -205,7 +203,7 @@ class RerunView:
         for i, name in enumerate(self._columns["plan"]):
             values = batch["plan"][row, :, i]
             if np.isfinite(values).all():
-                self._stream.log(f"planned/{name}", rr.BarChart(values, abscissa=ahead_s, color=BLUE))
+                self._stream.log(f"planned/{name}", bars(ahead_s, values))
         for i, name in enumerate(self._columns.get("predicted", [])):
             mean, sd = batch["predicted"][row, :, i], batch["predicted_sd"][row, :, i]
             if not np.isfinite(mean).all():
@@ -217,6 +215,16 @@ class RerunView:
                       for values in (mean, low, high)]
             self._stream.log(f"predicted/{name}", rr.LineStrips2D(strips, colors=[BLUE, LIGHT, LIGHT],
                                                                   radii=rr.Radius.ui_points([2.0, 1.0, 1.0])))
+
+
+def curves_of(origin: str, name: str) -> rrb.TimeSeriesView:
+    return rrb.TimeSeriesView(origin=origin, name=name, plot_legend=NO_LEGEND)
+
+
+def bars(middles: np.ndarray, heights: np.ndarray) -> rr.BarChart:
+    """That touch each other."""
+    width = middles[1] - middles[0] if len(middles) > 1 else 1.0
+    return rr.BarChart(heights, abscissa=middles, widths=np.full(len(middles), width), color=BLUE)
 
 
 def free_port() -> int:
