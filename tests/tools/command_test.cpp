@@ -31,8 +31,8 @@ TEST_F(Command, HelpTeaches) {
   const Ended top = run({"--help"});
   EXPECT_EQ(top.code, 0);
   EXPECT_TRUE(contains(top.out, "First steps:")) << top.out;
-  for (const char* name : {"demo", "run", "sim", "identify", "excite", "export", "replay", "explain", "check", "size",
-                           "models", "effects", "planners", "help", "version"}) {
+  for (const char* name : {"demo", "run", "sim", "identify", "excite", "export", "replay", "explain", "view", "new",
+                           "check", "size", "models", "effects", "planners", "help", "version"}) {
     const Ended help = run({name, "--help"});
     EXPECT_EQ(help.code, 0) << name;
     const std::size_t examples = help.out.find("Examples:");

@@ -41,9 +41,10 @@ void add_explain_command(CLI::App& app, int& exit_code) {
       ->required();
   command->add_option("ROBOT", a->robot, "the robot file of that run; an MCAP carries it");
   command->footer(
-      "Each reason comes once: where it began (the line of a CSV too), how long it lasted, the values and the key of the\n"
-      "robot file that they met, and what to do next. Of a tick's reasons a log holds the first fault, else the first\n"
-      "limit. Ends with 0: explained; 2: as far as the log goes, which is cut off, damaged or has holes; 1: no such log.\n\n"
+      "Each reason comes once: where it began (the line of a CSV too), how long it lasted, the values and the key of\n"
+      "the robot file that they met, and what to do next. Of a tick's reasons a log holds the first fault, else the\n"
+      "first limit. Ends with 0: explained; 2: as far as the log goes, which is cut off, damaged or has holes; 1: no\n"
+      "such log.\n\n"
       "Examples:\n"
       "  tiller run robots/cart_pole.toml --sim --seconds 5 --log out/run.csv\n"
       "  tiller explain out/run.csv robots/cart_pole.toml\n"

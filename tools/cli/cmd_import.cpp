@@ -10,6 +10,7 @@
 #include <sstream>
 
 #include "tools/base/output_file.hpp"
+#include "tools/cli/import_description.hpp"
 #include "tools/cli/import_function.hpp"
 #include "tools/command/commands.hpp"
 #include "tools/description/function.hpp"
@@ -441,6 +442,13 @@ constexpr char kImportFooter[] =
     "      xdot = f(x, u, p) as CasADi saved it; symbols' names become the names of states and parameters";
 
 }  // namespace
+
+int import_description(const std::string& description, const std::string& folder) {
+  Options options;
+  options.description = description;
+  options.folder = folder;
+  return import_command(options);
+}
 
 void add_import_command(CLI::App& app, int& exit_code) {
   auto* command = app.add_subcommand(

@@ -320,7 +320,9 @@ int run_command(Arguments& a) {
   EpisodesOptions episodes = episodes_options(a, goals, goal_source.get());
   episodes.run.arm_sources = arm_sources.list();
   if (!a.view.kind.empty())
-    episodes.run.watch = [&viewer](const tiller_t* controller, const LoggedTick& tick) { viewer->show(controller, tick); };
+    episodes.run.watch = [&viewer](const tiller_t* controller, const LoggedTick& tick) {
+      viewer->show(controller, tick);
+    };
   const EpisodesResult all = run_episodes(*robot, episodes, open);
   if (viewer) std::printf("%s\n", viewer->close().c_str());
   if (all.last.ticks == 0) return all.exit_code;

@@ -72,9 +72,10 @@ int view_command(Arguments a) {
   if (!replay_through_file(*robot, run, options, result, error)) return complain(a.log + ": " + error);
   std::printf("%s\n", viewer->close().c_str());
   if (result.different + result.behind_different > 0)
-    std::printf("%zu of %zu commands of the replay are not the log's: states, plans and particles are the replay's "
-                "(`tiller replay` tells where they part)\n",
-                result.different + result.behind_different, run.entries.size());
+    std::printf(
+        "%zu of %zu commands of the replay are not the log's: states, plans and particles are the replay's "
+        "(`tiller replay` tells where they part)\n",
+        result.different + result.behind_different, run.entries.size());
   return run.cut_off ? kExitLogIncomplete : kExitOk;
 }
 
@@ -94,8 +95,8 @@ void add_view_command(CLI::App& app, int& exit_code) {
   command->add_flag("--real-time", a->real_time, "at the pace of the log (default: as fast as it goes)");
   add_override_options(*command, a->overrides);
   command->footer(
-      "The log goes through a controller again, as `tiller replay` has it: plans, predicted bands and particles come from\n"
-      "there, measurements and commands from the log.\n\n"
+      "The log goes through a controller again, as `tiller replay` has it: plans, predicted bands and particles come\n"
+      "from there, measurements and commands from the log.\n\n"
       "Examples:\n"
       "  tiller run robots/cart_pole.toml --sim --seconds 5 --record out/run.mcap\n"
       "  tiller view out/run.mcap\n"

@@ -4,9 +4,10 @@ namespace tiller::tools {
 
 void add_view_options(CLI::App& command, ViewerOptions& options) {
   command
-      .add_option("--view", options.kind,
-                  "rerun or foxglove: robot, plan, predicted bands, posterior and forces as they change, in a process of "
-                  "its own (docs/guide/live_view.md)")
+      .add_option(
+          "--view", options.kind,
+          "rerun or foxglove: robot, plan, predicted bands, posterior and forces as they change, in a process of "
+          "its own (docs/guide/live_view.md)")
       ->check(CLI::IsMember(viewer_kinds()));
   command.add_option("--view-file", options.file,
                      "in the place of a window: what it would show, into a file (.rrd for rerun, .mcap for foxglove)");

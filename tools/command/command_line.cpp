@@ -16,6 +16,7 @@ constexpr const char* kAbout =
 constexpr const char* kFooter =
     "First steps:\n"
     "  tiller demo                          a cart-pole with unknown masses, start to end, with a report\n"
+    "  tiller new my_robot                  five questions, and a robot file that runs in simulation\n"
     "  tiller help robot-file               every key of a robot file\n"
     "  tiller check my_robot.toml           is my file right, and what does it mean?\n"
     "  tiller run my_robot.toml --sim       my controller against a simulated plant, no hardware\n"

@@ -26,6 +26,7 @@ void add_laboratory_commands(CLI::App& app, int& exit_code);
 void add_gap_command(CLI::App& app, int& exit_code);
 void add_fleet_command(CLI::App& app, int& exit_code);
 void add_excite_command(CLI::App& app, int& exit_code);
+void add_new_command(CLI::App& app, int& exit_code);
 void add_export_command(CLI::App& app, int& exit_code);
 void add_import_command(CLI::App& app, int& exit_code);
 void add_replay_command(CLI::App& app, int& exit_code);

@@ -3,9 +3,9 @@
 #include <cstdlib>
 #include <filesystem>
 
-#include "python_config.hpp"
 #include "tools/base/output_file.hpp"
 #include "tools/base/report.hpp"
+#include "tools/base/shipped_robots.hpp"
 #include "tools/command/commands.hpp"
 #include "tools/robot/robot_schema.hpp"
 #include "tools/run/run_facts.hpp"
@@ -26,16 +26,7 @@ struct Arguments {
   Overrides overrides;
 };
 
-/// The shipped file: in TILLER_ROBOTS, of the source tree, or installed beside the program.
-std::string demo_robot() {
-  std::error_code code;
-  if (const char* named = std::getenv("TILLER_ROBOTS"); named && *named)
-    return (fs::path(named) / "cart_pole.toml").string();
-  const fs::path source = fs::path(TILLER_ROBOTS_SOURCE) / "cart_pole.toml";
-  if (fs::exists(source, code)) return source.string();
-  const fs::path self = fs::read_symlink("/proc/self/exe", code);
-  return (self.parent_path().parent_path() / TILLER_ROBOTS_INSTALLED / "cart_pole.toml").string();
-}
+std::string demo_robot() { return (fs::path(shipped_robots()) / "cart_pole.toml").string(); }
 
 /// The folder asked for where files can be made in it, else one for temporary files.
 std::string usable_folder(const std::string& asked, bool& moved) {

@@ -30,8 +30,8 @@ constexpr Remedy kRemedies[] = {
      "check for two senders on one channel, and for a clock that was set; with a clock of the sender's own, set "
      "[transport] stamp_on_arrival = true"},
     {tiller_status_plan_not_finite,
-     "run `tiller check` on the robot file: a cost that is not finite at some state, or a step that is too long ([model] "
-     "substeps)"},
+     "run `tiller check` on the robot file: a cost that is not finite at some state, or a step that is too long "
+     "([model] substeps)"},
     {tiller_status_posterior_degenerate,
      "the model divides by zero, or its step is too long: `tiller check`, more [model] substeps; a prior that excludes "
      "the robot: widen it in [parameters]"},
@@ -56,7 +56,8 @@ constexpr Remedy kRemedies[] = {
      "the plan wants to change the command faster: raise [cost] input_rate_weight, or rate_per_s in [limits] if the "
      "drive allows it"},
     {tiller_status_deadline_missed,
-     "halve [planner] rollouts, particles or horizon, or raise deadline_us; `tiller check` predicts the time of a tick"},
+     "halve [planner] rollouts, particles or horizon, or raise deadline_us; `tiller check` predicts the time of a "
+     "tick"},
     {tiller_status_no_new_measurement,
      "the sender is slower than the ticks, or messages are lost: set [model] period_s to the sender's period"},
     {tiller_status_tempered, "nothing: the data tell much at once, and the posterior takes them in over several ticks"},

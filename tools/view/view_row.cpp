@@ -41,7 +41,8 @@ ViewRow::ViewRow(const RobotFile& robot)
   add("outputs", config_.cost.outputs ? robot.names.outputs : Words());
   for (const char* name : {"parameter", "parameter_sd", "q05", "q95"}) add(name, inferred);
   for (const char* name : {"force", "force_sd"}) add(name, forces);
-  for (const char* name : {"foreseen", "foreseen_sd"}) add(name, config_.planner.predict_spread != 0 ? robot.names.states : Words());
+  for (const char* name : {"foreseen", "foreseen_sd"})
+    add(name, config_.planner.predict_spread != 0 ? robot.names.states : Words());
   add("plan", robot.names.inputs, steps_);
   for (const char* name : {"predicted", "predicted_sd"})
     add(name, config_.planner.predict_spread != 0 ? robot.names.states : Words(), steps_);

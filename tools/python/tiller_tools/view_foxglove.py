@@ -3,7 +3,8 @@
 Topics, JSON but the first:
     /robot                    foxglove.SceneUpdate: the stick figures of estimate, plant and goal, and the tip's plan
     /measurement, /command    by name, as in an MCAP of `tiller run --record`
-    /tick                     time, state and status in words, mean, sd, q05 and q95 of states and parameters, force, slip
+    /tick                     time, state and status in words, mean, sd, q05 and q95 of states and parameters, force,
+                              slip
     /plan                     ahead_s, and each input's planned values
     /prediction               ahead_s, and of each state mean, low and high: the predicted band
     /particles                weight, and each parameter's values; histogram: of each parameter middles and shares
@@ -18,8 +19,8 @@ import time
 import foxglove
 import numpy as np
 from foxglove.channels import SceneUpdateChannel
-from foxglove.messages import (Color, Duration, LinePrimitive, LinePrimitiveLineType, Point3, Pose, Quaternion, SceneEntity,
-                               SceneUpdate, Timestamp, Vector3)
+from foxglove.messages import (Color, Duration, LinePrimitive, LinePrimitiveLineType, Point3, Pose, Quaternion,
+                               SceneEntity, SceneUpdate, Timestamp, Vector3)
 
 from .foxglove_layout import plot, stacked
 from .table import ReportError
@@ -60,7 +61,8 @@ class FoxgloveView:
             self._file = foxglove.open_mcap(file, allow_overwrite=True, context=self._context)
             return
         try:
-            self._server = foxglove.start_server(name=f"tiller {self._hello['title']}", port=PORT, context=self._context)
+            self._server = foxglove.start_server(name=f"tiller {self._hello['title']}", port=PORT,
+                                                 context=self._context)
         except RuntimeError as error:
             raise ReportError(f"port {PORT}: {error}; end the other server, or name a --view-file") from None
         print(f"view: in Foxglove, open a connection to ws://127.0.0.1:{PORT}", file=sys.stderr, flush=True)
@@ -175,9 +177,10 @@ class FoxgloveView:
     def _entity(self, name: str, lines: list, at_ns: int) -> SceneEntity:
         colour = Color(r=COLOURS[name][0], g=COLOURS[name][1], b=COLOURS[name][2], a=1.0)
         still = Pose(position=Vector3(x=0.0, y=0.0, z=0.0), orientation=Quaternion(x=0.0, y=0.0, z=0.0, w=1.0))
-        drawn = [LinePrimitive(type=LinePrimitiveLineType.LineStrip, pose=still, thickness=4.0 if name == "estimate" else 2.0,
-                               scale_invariant=True, color=colour,
-                               points=[Point3(x=float(x), y=float(y), z=float(z)) for x, y, z in line]) for line in lines]
+        width = 4.0 if name == "estimate" else 2.0
+        drawn = [LinePrimitive(type=LinePrimitiveLineType.LineStrip, pose=still, thickness=width, scale_invariant=True,
+                               color=colour, points=[Point3(x=float(x), y=float(y), z=float(z)) for x, y, z in line])
+                 for line in lines]
         stamp = Timestamp(sec=at_ns // 10**9, nsec=at_ns % 10**9)
         return SceneEntity(timestamp=stamp, frame_id=WORLD, id=name, lifetime=Duration(sec=0, nsec=0),
                            frame_locked=False, lines=drawn)

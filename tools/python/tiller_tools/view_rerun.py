@@ -90,7 +90,8 @@ class RerunView:
         beliefs = [curves_of(f"parameters/{name}", name) for name in self._columns.get("parameter", [])]
         clouds = [rrb.BarChartView(origin=f"particles/{name}", name=f"particles: {name}", plot_legend=NO_LEGEND)
                   for name in self._histograms.names]
-        plans = [rrb.BarChartView(origin=f"planned/{name}", name=f"plan: {name}", plot_legend=NO_LEGEND) for name in self._columns["plan"]]
+        plans = [rrb.BarChartView(origin=f"planned/{name}", name=f"plan: {name}", plot_legend=NO_LEGEND)
+                 for name in self._columns["plan"]]
         plans += [rrb.Spatial2DView(origin=f"predicted/{name}", name=name)
                   for name in self._columns.get("predicted", [])]
         pushes = [curves_of(f"{kind}/{name}", f"{kind}: {name}")
@@ -103,8 +104,8 @@ class RerunView:
         left = [rrb.Spatial3DView(origin="robot", name="robot")] if self.scene.draws else []
         return rrb.Blueprint(rrb.Horizontal(rrb.Vertical(*left, rrb.Tabs(*pages), row_shares=[3, 2][:1 + len(left)]),
                                             rrb.Vertical(*curves), column_shares=[3, 2]),
-                             rrb.TimePanel(state="collapsed", timeline="robot_time", play_state="following"), rrb.SelectionPanel(state="collapsed"),
-                             rrb.BlueprintPanel(state="collapsed"))
+                             rrb.TimePanel(state="collapsed", timeline="robot_time", play_state="following"),
+                             rrb.SelectionPanel(state="collapsed"), rrb.BlueprintPanel(state="collapsed"))
 
     def save_layout(self, path: str) -> None:
         try:
@@ -195,7 +196,8 @@ class RerunView:
         if not self.scene.draws:
             return {}
         found = {"estimate": (self.scene.estimate(batch, rows), BLUE, 3.0),
-                 "truth": (self.scene.truth(batch, rows), GREY, 1.5), "goal": (self.scene.goal(batch, rows), GREEN, 1.0)}
+                 "truth": (self.scene.truth(batch, rows), GREY, 1.5),
+                 "goal": (self.scene.goal(batch, rows), GREEN, 1.0)}
         return {name: of for name, of in found.items() if of[0] is not None}
 
     def _plan(self, batch, row: int) -> None:
