@@ -19,6 +19,7 @@ SOURCE, TILLER, WORK = (pathlib.Path(a) for a in sys.argv[1:4])
 ALLOWED = {"gap": {0, 1, 2, 3}, "excite": {0, 2}}
 SECONDS = "3"
 FEW_TRIALS = "--trials 3 --seconds 1 --train 1 --test 1"
+FOLLOWED = set()
 HIDDEN = {"mine": 1.0, "pendulum": 0.1}  # N, Nm
 
 
@@ -136,6 +137,7 @@ def bounded(command):
     if command.startswith("tiller tune ") and "--trials" not in command:
         return f"{command} {FEW_TRIALS}"
     if shown := re.search(r"--view (rerun|foxglove)", command):  # nobody looks at a window
+        command = command.replace(" --real-time", "")
         if "--view-file" not in command:
             command += f" --view-file view.{'rrd' if shown[1] == 'rerun' else 'mcap'}"
     elif command.startswith("tiller view "):
@@ -148,6 +150,9 @@ def follow(command):
     if is_synopsis(command):
         return check_synopsis(command)
     words = command.split()
+    if command in FOLLOWED and words[1] == "import":  # the folder is there, from another page
+        return True, ""
+    FOLLOWED.add(command)
     robot = next((w for w in words if w.endswith(".toml")), "my_robot.toml")
     if command.startswith("tiller replay") and "--through lcm" in command:
         # bits can be expected of a run in simulated time alone

@@ -150,6 +150,25 @@ TEST_F(Explain, TheHostsStopIsTheHosts) {
       {"0.40 s (tick 20", "actuator_fault", "The host stopped it by tiller_stop", "docs/evidence/faults.md"});
 }
 
+TEST_F(Explain, TicksThatAreLongerThanTheirDeadlineAreCounted) {
+  run([](int, Sensed&) {});
+  RecordedRun run;
+  std::string error;
+  ASSERT_TRUE(read_recorded_run(folder_ + "/run.csv", robot_, run, error)) << error;
+  EXPECT_EQ(run.deadline_us, 0) << "as the CSV says";
+  EXPECT_GT(run.entries[0].record.tick_ns, 0);
+  for (std::size_t i = 0; i < run.entries.size(); ++i)
+    run.entries[i].record.tick_ns = i == 20 || i == 30 ? 9000000 : 1000;
+  EXPECT_NE(explain_run(robot_, run, "run.csv", error).find("Nothing happened"), std::string::npos);
+  run.deadline_us = 8000;
+  const std::string text = explain_run(robot_, run, "run.csv", error);
+  EXPECT_NE(text.find("0.40 s (tick 20, line 22), and 1 time more to 0.60 s"), std::string::npos) << text;
+  EXPECT_NE(text.find("2 ticks in all: the tick took longer than its deadline"), std::string::npos) << text;
+  EXPECT_NE(text.find("The longest took 9 ms; [planner] deadline_us = 8000, and the period is 20 ms"),
+            std::string::npos)
+      << text;
+}
+
 /// A deadline that no tick keeps, whatever the machine is.
 TEST_F(Explain, APlannerWithoutTimeIsLateAndThenHolds) {
   robot_.config.planner.deadline_us = 1;

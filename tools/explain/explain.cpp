@@ -65,6 +65,16 @@ std::string trouble_text(const tiller_config_t& config, const RecordedRun& run, 
   return text + sentence(std::string("Next: ") + remedy_for(h.status));
 }
 
+/// Beside the planner, which ends by its deadline, a tick learns and predicts.
+std::string overran_text(const tiller_config_t& config, const RecordedRun& run, const Happening& h) {
+  return place_text(run, h.first) + how_often(run, h) + ": the tick took longer than its deadline.\n" +
+         sentence(format("The longest took %.3g ms; [planner] deadline_us = %.6g, and the period is %.3g ms",
+                         1e3 * h.longest_s, deadline_of(config, run), 1e3 * config.period_s)) +
+         sentence(
+             "Next: fewer [posterior] particles or moves_per_tick, where the planner had its iterations; or the "
+             "machine had other work: docs/guide/real_time.md");
+}
+
 /// Of all ticks in which the robot moved.
 std::string share_text(const RecordedRun& run, std::size_t ticks) {
   const auto moved = std::count_if(run.entries.begin(), run.entries.end(), [](const RecordEntry& e) {
@@ -134,6 +144,8 @@ std::string explain_run(const RobotFile& robot, const RecordedRun& run, const st
   for (const Happening& h : all) {
     if (h.kind == HappeningKind::missing)
       troubles += missing_text(robot, run, h);
+    else if (h.kind == HappeningKind::overran)
+      troubles += overran_text(config, run, h);
     else if (is_remark(h))
       remarks += "  " + remark_text(robot, config, run, h) + ".\n";
     else

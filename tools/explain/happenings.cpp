@@ -46,7 +46,7 @@ class Walk {
   tiller_status_t status() const { return static_cast<tiller_status_t>(record().status); }
   std::uint32_t state() const { return record().command.state; }
 
-  void note(HappeningKind kind, tiller_status_t why, std::size_t channel = 0) {
+  Happening& note(HappeningKind kind, tiller_status_t why, std::size_t channel = 0) {
     auto found = std::find_if(found_.begin(), found_.end(), [&](const Happening& h) {
       return h.kind == kind && h.status == why && h.channel == channel;
     });
@@ -59,28 +59,39 @@ class Walk {
     if (found->ticks == 0 || found->last + 1 != at_) ++found->spans;
     ++found->ticks;
     found->last = at_;
+    return *found;
   }
 
   void take_tick() {
     note_state();
     note_values();
     note_command();
+    note_time();
     // where the state is not the reason's, the status tells whether the measurement was taken in
     const bool taken = state() != tiller_state_safe && !is_of_sensors(status());
     if (record().has_measurement != 0 && taken) sensors_.take(entry(), at_, robot_.names.measurements.size());
   }
 
   void note_state() {
-    if (state() == tiller_state_safe) return note(HappeningKind::safe, status());
-    if (state() == tiller_state_hold) return note(HappeningKind::held, status());
+    const bool safe = state() == tiller_state_safe;
+    if (safe || state() == tiller_state_hold) {
+      note(safe ? HappeningKind::safe : HappeningKind::held, status());
+      return;
+    }
     if (status() != tiller_status_ok) note(kind_of(status()), status());
     // the first limit of a tick is its status: a posterior that takes in data in steps hides a planner without time
-    if (status() != tiller_status_tempered || state() != tiller_state_active || !has_deadline()) return;
+    if (status() != tiller_status_tempered || state() != tiller_state_active || deadline_us() <= 0) return;
     if (record().planner_iterations == 0) note(HappeningKind::late, tiller_status_deadline_missed);
   }
 
-  bool has_deadline() const {
-    return std::isnan(run_.deadline_us) ? config_.planner.deadline_us > 0 : run_.deadline_us > 0;
+  /// 0: none, as in simulated time.
+  double deadline_us() const { return deadline_of(config_, run_); }
+
+  void note_time() {
+    const double took_s = 1e-9 * static_cast<double>(record().tick_ns);
+    if (deadline_us() <= 0 || took_s <= 1e-6 * deadline_us()) return;
+    Happening& overran = note(HappeningKind::overran, tiller_status_deadline_missed);
+    overran.longest_s = std::max(overran.longest_s, took_s);
   }
 
   /// Single values that a measurement lacked.
@@ -119,6 +130,10 @@ class Walk {
 };
 
 }  // namespace
+
+double deadline_of(const tiller_config_t& config, const RecordedRun& run) {
+  return std::isnan(run.deadline_us) ? config.planner.deadline_us : run.deadline_us;
+}
 
 std::vector<Happening> find_happenings(const RobotFile& robot, const tiller_config_t& config, const RecordedRun& run) {
   return Walk(robot, config, run).take_all();

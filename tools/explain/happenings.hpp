@@ -16,6 +16,7 @@ enum class HappeningKind : std::uint8_t {
   refused,   ///< a measurement, or a plan, was not used; the plan before went on
   clipped,   ///< the gate cut the command
   late,      ///< the planner had less time than it wanted
+  overran,   ///< the whole tick took longer than its deadline: what is not the planner's is not ended by it
   doubted,   ///< a plan was sent, and something about it is not as it should be
   missing,   ///< values of measurements were NaN, and skipped
   at_limit,  ///< the command stood at a limit, or changed as fast as it may
@@ -30,8 +31,12 @@ struct Happening {
   std::size_t first = 0, last = 0;  ///< entries
   std::size_t ticks = 0;
   std::size_t spans = 0;  ///< stretches of neighbouring ticks
+  double longest_s = 0;   ///< of kinds that are about the time of a tick
   std::string evidence;   ///< what the log shows at its first tick: a sentence
 };
+
+/// Of a plan, us; 0: none, as in simulated time.
+double deadline_of(const tiller_config_t& config, const RecordedRun& run);
 
 /// All that the ticks of a log tell, the gravest kinds first, each in the order of the log. `config` is the
 /// controller's.
