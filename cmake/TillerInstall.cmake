@@ -91,6 +91,10 @@ foreach(target IN LISTS core_targets)
   endif()
 endforeach()
 
+if(NOT TILLER_INSTALL)
+  return()
+endif()
+
 # A target that is not a part (an object library of a part, generated code) keeps its name in the export.
 install(TARGETS tiller_runtime ${core_targets} EXPORT tillerTargets
   ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})

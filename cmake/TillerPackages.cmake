@@ -1,43 +1,15 @@
 # Debian packages (`./dev deb`), from a build with -DTILLER_PACKAGES=ON:
 #
-#   libtiller0     libtiller.so.0: the C ABI, for programs that link it
+#   libtiller0.2   libtiller.so.0.2: the C ABI, for programs that link it
 #   libtiller-dev  headers, static libraries, CMake package, pkg-config file
 #   tiller-tools   the command, its Python tools, robots, message types, the unit for systemd
 #
 # Every install() names its part by CMAKE_INSTALL_DEFAULT_COMPONENT_NAME, which a folder sets once. The Python package
-# is a wheel (`./dev wheel`).
-
-# The shared library is every archive of the core, whole, with the C ABI alone to be seen.
-set(core "")
-foreach(part IN LISTS core_targets)
-  get_target_property(type ${part} TYPE)
-  if(type STREQUAL "STATIC_LIBRARY")
-    list(APPEND core ${part})
-  endif()
-endforeach()
-file(WRITE ${PROJECT_BINARY_DIR}/generated/libtiller.c "typedef int tiller_the_archives_hold_everything;\n")
-# Seen from outside: the functions that the C headers declare.
-file(GLOB headers ${PROJECT_SOURCE_DIR}/runtime/include/tiller/*.h)
-set(seen "")
-foreach(header IN LISTS headers)
-  file(STRINGS ${header} lines REGEX "^[a-z].*tiller_[a-z0-9_]+\\(")
-  foreach(line IN LISTS lines)
-    string(REGEX MATCH "(tiller_[a-z0-9_]+)\\(" unused "${line}")
-    string(APPEND seen "${CMAKE_MATCH_1}; ")
-  endforeach()
-endforeach()
-file(WRITE ${PROJECT_BINARY_DIR}/generated/libtiller.map "{ global: ${seen} local: *; };\n")
-add_library(tiller_shared SHARED ${PROJECT_BINARY_DIR}/generated/libtiller.c)
-set_target_properties(tiller_shared PROPERTIES OUTPUT_NAME tiller VERSION ${PROJECT_VERSION}
-  SOVERSION ${PROJECT_VERSION_MAJOR} LINKER_LANGUAGE C LINK_DEPENDS ${PROJECT_BINARY_DIR}/generated/libtiller.map)
-target_link_options(tiller_shared PRIVATE -Wl,--version-script=${PROJECT_BINARY_DIR}/generated/libtiller.map
-  -Wl,--no-undefined)
-target_link_libraries(tiller_shared PRIVATE -Wl,--whole-archive ${core} -Wl,--no-whole-archive m)
-install(TARGETS tiller_shared LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT lib NAMELINK_COMPONENT dev)
+# is a wheel (`./dev wheel`). The shared library is TillerShared.cmake's.
 
 install(FILES ${PROJECT_SOURCE_DIR}/tools/packaging/tiller@.service DESTINATION lib/systemd/system COMPONENT tools)
 
-set(CPACK_DEBIAN_LIB_PACKAGE_NAME libtiller${PROJECT_VERSION_MAJOR})
+set(CPACK_DEBIAN_LIB_PACKAGE_NAME libtiller${TILLER_SONAME})
 set(CPACK_DEBIAN_DEV_PACKAGE_NAME libtiller-dev)
 set(CPACK_DEBIAN_TOOLS_PACKAGE_NAME tiller-tools)
 
@@ -76,7 +48,7 @@ set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
 # Debian wants a trigger for ldconfig, beside the script that CPack writes.
 set(name ${CPACK_DEBIAN_LIB_PACKAGE_NAME})
-file(WRITE ${kept}/shlibs "libtiller ${PROJECT_VERSION_MAJOR} ${name} (>= ${PROJECT_VERSION})\n")
+file(WRITE ${kept}/shlibs "libtiller ${TILLER_SONAME} ${name} (>= ${PROJECT_VERSION})\n")
 set(CPACK_DEBIAN_LIB_PACKAGE_CONTROL_EXTRA ${PROJECT_SOURCE_DIR}/tools/packaging/triggers ${kept}/shlibs)
 set(CPACK_DEBIAN_LIB_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 set(CPACK_DEBIAN_ENABLE_COMPONENT_DEPENDS OFF)

@@ -31,7 +31,7 @@ _prepare()
 for _kind in (Command, Controller, Info, Measurement, Plant, Posterior, Robot):
     _public_methods(_kind)
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 __all__ = [
     "Adequacy", "ArgumentError", "ArgumentTypeError", "Command", "CommandError", "Controller", "Error",
     "ExciteResult", "GapResult", "IdentifyResult", "Info", "LearnResult", "Measurement", "MissingExtra",

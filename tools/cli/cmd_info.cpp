@@ -309,7 +309,7 @@ void add_help_command(CLI::App& app, int& exit_code) {
 void add_version_command(CLI::App& app, int& exit_code) {
   auto* command = app.add_subcommand("version", "version and instruction set");
   command->footer(
-      "Examples:\n  tiller version\n      \"tiller 0.1, avx512\"\n"
+      "Examples:\n  tiller version\n      \"tiller 0.2, avx512\"\n"
       "  tiller version | cut -d, -f1\n      the version alone");
   command->callback([&exit_code] {
     std::printf("%s\n", version_text().c_str());

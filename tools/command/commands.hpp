@@ -10,7 +10,7 @@
 
 namespace tiller::tools {
 
-/// "tiller 0.1, avx512": the library's version and the instruction set in use.
+/// "tiller 0.2, avx512": the library's version and the instruction set in use.
 std::string version_text();
 
 /// Reads a robot file or tells on stderr everything that is wrong with it (null; the caller ends with

@@ -38,7 +38,7 @@ extern "C" {
 #endif
 
 #define TILLER_VERSION_MAJOR 0
-#define TILLER_VERSION_MINOR 1
+#define TILLER_VERSION_MINOR 2
 #define TILLER_CONFIG_VERSION 17u
 #define TILLER_ALIGNMENT 64u /**< of the caller's block: one AVX-512 register, one cache line */
 #define TILLER_MAX_MEASUREMENTS TILLER_MAX_STATES

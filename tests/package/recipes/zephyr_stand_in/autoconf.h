@@ -1,0 +1,2 @@
+#define CONFIG_TILLER 1
+#define CONFIG_CPP 1
