@@ -24,7 +24,7 @@ WHOLE = {"deb": r"\.deb$", "wheel": r"\.whl$"}  # without one of these a release
 
 
 def git(root, *arguments):
-    return subprocess.run(["git", "-C", str(root), *arguments], check=True, capture_output=True, text=True).stdout.strip()
+    return subprocess.run(["git", "-C", str(root), *arguments], check=True, capture_output=True, text=True).stdout.rstrip()
 
 
 def refusals(root, wanted):

@@ -18,10 +18,10 @@ class TillerConan(ConanFile):
     topics = ("robotics", "model-predictive-control", "bayesian-inference", "embedded")
     package_type = "static-library"
     settings = "os", "arch", "compiler", "build_type"
-    options = {"shared_too": [True, False], "reproducible": [True, False], "isa": ["ANY"],
+    options = {"with_shared": [True, False], "reproducible": [True, False], "isa": ["ANY"],
                **{name: ["ANY"] for name in LISTS}}
     # An empty list is everything; "all" instruction sets run on every processor of the architecture.
-    default_options = {"shared_too": False, "reproducible": False, "isa": "all", **{name: "" for name in LISTS}}
+    default_options = {"with_shared": False, "reproducible": False, "isa": "all", **{name: "" for name in LISTS}}
 
     def validate(self):
         if self.settings.os not in ("Linux", "baremetal"):
@@ -44,7 +44,7 @@ class TillerConan(ConanFile):
         for part in ("IO", "SIM", "TOOLS", "TESTS", "BENCHMARKS"):
             variables[f"TILLER_BUILD_{part}"] = False
         variables["TILLER_WITH_OSQP"] = False
-        variables["TILLER_SHARED"] = bool(self.options.shared_too)
+        variables["TILLER_SHARED"] = bool(self.options.with_shared)
         variables["TILLER_REPRODUCIBLE"] = bool(self.options.reproducible)
         variables["TILLER_ISA_ONLY"] = "" if self.options.reproducible else str(self.options.isa)
         for name in LISTS:  # commas, since a semicolon ends a word in a shell

@@ -1,0 +1,80 @@
+# The vcpkg port in a stand-in for vcpkg, which is no package that can be installed: the functions that the portfile
+# calls do here what vcpkg's do, with this machine's CMake and xsimd.
+#   cmake -D RECIPES= -D WORK= -D CONSUMER=tests/package/consumer -P vcpkg_test.cmake
+cmake_minimum_required(VERSION 3.22)
+function(run)
+  execute_process(COMMAND ${ARGN} RESULT_VARIABLE code OUTPUT_VARIABLE out ERROR_VARIABLE out)
+  if(NOT code EQUAL 0)
+    list(JOIN ARGN " " line)
+    message(FATAL_ERROR "failed (${code}): ${line}\n${out}")
+  endif()
+  set(out "${out}" PARENT_SCOPE)
+endfunction()
+
+function(vcpkg_download_distfile result)
+  cmake_parse_arguments(ARG "" "FILENAME;SHA512" "URLS" ${ARGN})
+  file(DOWNLOAD ${ARG_URLS} ${WORK}/${ARG_FILENAME} EXPECTED_HASH SHA512=${ARG_SHA512})
+  set(${result} ${WORK}/${ARG_FILENAME} PARENT_SCOPE)
+endfunction()
+
+function(vcpkg_extract_source_archive result)
+  cmake_parse_arguments(ARG "" "ARCHIVE" "" ${ARGN})
+  file(ARCHIVE_EXTRACT INPUT ${ARG_ARCHIVE} DESTINATION ${WORK}/source)
+  file(GLOB folder ${WORK}/source/*)
+  set(${result} ${folder} PARENT_SCOPE)
+endfunction()
+
+function(vcpkg_cmake_configure)
+  cmake_parse_arguments(ARG "" "SOURCE_PATH" "OPTIONS" ${ARGN})
+  # one model and one instruction set of what the port builds, for time
+  run(${CMAKE_COMMAND} -S ${ARG_SOURCE_PATH} -B ${WORK}/build -G Ninja -DCMAKE_BUILD_TYPE=Release
+    -DCMAKE_INSTALL_PREFIX=${CURRENT_PACKAGES_DIR} ${ARG_OPTIONS} -DTILLER_ISA_ONLY=sse2 -DTILLER_MODELS=pendulum
+    -DTILLER_PLANNERS=mppi -DTILLER_POSTERIORS=filter)
+  if(out MATCHES "Manually-specified variables were not used")
+    message(FATAL_ERROR "the port sets options that tiller does not have:\n${out}")
+  endif()
+endfunction()
+
+function(vcpkg_cmake_install)
+  run(${CMAKE_COMMAND} --build ${WORK}/build)
+  run(${CMAKE_COMMAND} --install ${WORK}/build)
+endfunction()
+
+function(vcpkg_cmake_config_fixup)
+  cmake_parse_arguments(ARG "" "CONFIG_PATH" "" ${ARGN})
+  if(NOT EXISTS ${CURRENT_PACKAGES_DIR}/${ARG_CONFIG_PATH}/${PORT}Config.cmake)
+    message(FATAL_ERROR "no ${PORT}Config.cmake in ${ARG_CONFIG_PATH}")
+  endif()
+endfunction()
+
+function(vcpkg_fixup_pkgconfig)
+  if(NOT EXISTS ${CURRENT_PACKAGES_DIR}/lib/pkgconfig/${PORT}.pc)
+    message(FATAL_ERROR "no ${PORT}.pc")
+  endif()
+endfunction()
+
+function(vcpkg_install_copyright)
+  cmake_parse_arguments(ARG "" "" "FILE_LIST" ${ARGN})
+  configure_file(${ARG_FILE_LIST} ${CURRENT_PACKAGES_DIR}/share/${PORT}/copyright COPYONLY)
+endfunction()
+
+file(REMOVE_RECURSE ${WORK})
+file(MAKE_DIRECTORY ${WORK})
+file(READ ${RECIPES}/vcpkg/vcpkg.json manifest)
+string(JSON PORT GET "${manifest}" name)
+string(JSON VERSION GET "${manifest}" version)
+set(CURRENT_PACKAGES_DIR ${WORK}/packages)
+set(VCPKG_LIBRARY_LINKAGE static)
+include(${RECIPES}/vcpkg/portfile.cmake)
+foreach(file IN ITEMS include/tiller/tiller.h share/tiller/copyright share/tiller/usage)
+  if(NOT EXISTS ${CURRENT_PACKAGES_DIR}/${file})
+    message(FATAL_ERROR "the port installs no ${file}")
+  endif()
+endforeach()
+run(${CMAKE_COMMAND} -S ${CONSUMER} -B ${WORK}/consumer -G Ninja -DCMAKE_PREFIX_PATH=${CURRENT_PACKAGES_DIR}
+  -DCMAKE_FIND_PACKAGE_NO_PACKAGE_REGISTRY=ON)
+run(${CMAKE_COMMAND} --build ${WORK}/consumer)
+foreach(language IN ITEMS c cpp)
+  run(${WORK}/consumer/consumer_${language})
+  message("${out}")
+endforeach()
