@@ -200,7 +200,7 @@ TEST(Names, AreThoseOfTheManual) {
   EXPECT_STREQ(tiller_state_name(static_cast<tiller_state_t>(7)), "unknown");
   EXPECT_STREQ(tiller_feature_name(tiller_feature_velocity_sign), "velocity_sign");
   EXPECT_STREQ(tiller_feature_name(tiller_feature_count), "unknown");
-  EXPECT_STREQ(tiller_version(), "0.1");
+  EXPECT_STREQ(tiller_version(), "0.2");
   EXPECT_NE(std::strlen(tiller_instruction_set()), 0u);
 }
 

@@ -1,20 +1,22 @@
 """site_test.py SOURCE FOLDER: the documentation's site as a person reads it, opened from its files in Chromium.
 
 On a phone, a laptop and a wide screen nothing is cut that cannot be scrolled; search finds from files what people ask
-for; the navigation goes a user's way. The site stays in FOLDER.
+for; the navigation goes a user's way; versions lie side by side. The site stays in FOLDER.
 """
 
 import html
 import importlib.util
 import json
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 SOURCE, FOLDER = Path(sys.argv[1]), Path(sys.argv[2])
-sys.path.insert(0, str(SOURCE / "tests/pages"))
+sys.path[:0] = [str(SOURCE / "tests/pages"), str(SOURCE / "tools/dev")]
 
+import site_versions  # noqa: E402
 from browser import CHROMIUM, OPTIONS  # noqa: E402
 
 WIDTHS = (390, 1300, 1920)
@@ -166,6 +168,36 @@ def the_probe_sees() -> list[str]:
     return faults + ([] if told == ["TABLE", "TABLE"] else [f"of what scrolls the probe says {whole}"])
 
 
+def versions_faults() -> list[str]:
+    """Sites of two versions: the choice leads to the same page, or to the first one where the other lacks the page."""
+    whole, folder, lacks = FOLDER / "html", FOLDER / "sites", "project/upgrade.html"
+    older = FOLDER / "older"
+    for old in (folder, older):
+        shutil.rmtree(old, ignore_errors=True)
+    shutil.copytree(whole, older, ignore=shutil.ignore_patterns("upgrade.html"))
+    site_versions.add(whole, "0.10.0", folder)
+    site_versions.add(older, "0.9.0", folder)  # added later, and older all the same
+    found = browse("versions", f"""<!doctype html><body><pre id="found"></pre><script>
+const found = [];
+(async () => {{
+  for (const name of ["guide/can.html", {json.dumps(lacks)}]) {{
+    const frame = document.createElement("iframe");
+    document.body.appendChild(frame);
+    const loaded = (act) => new Promise((done) => {{ frame.onload = done; act(); }});
+    await loaded(() => {{ frame.src = "sites/0.10.0/" + name; }});
+    const choice = frame.contentDocument.querySelector(".site-version select");
+    found.push([...choice.options].map((o) => o.value).join(" "));
+    choice.value = "0.9.0";
+    await loaded(() => choice.dispatchEvent(new Event("change")));
+    found.push(frame.contentWindow.location.href.replace(/.*sites./, ""));
+  }}
+  document.getElementById("found").textContent = JSON.stringify(found);
+}})();
+</script></body>""", "--allow-file-access-from-files")
+    wanted = ["0.10.0 0.9.0", "0.9.0/guide/can.html", "0.10.0 0.9.0", "0.9.0/index.html"]
+    return [] if found == wanted else [f"the choice of versions led to {found}, not {wanted}"]
+
+
 def main() -> int:
     if not importlib.util.find_spec("mkdocs"):
         print("no mkdocs: ./dev setup installs it (tools/dev/requirements_site.txt)")
@@ -180,7 +212,7 @@ def main() -> int:
         return 77
     pages = sorted(str(p.relative_to(FOLDER / "html")) for p in (FOLDER / "html").rglob("*.html"))
     cut, tables = what_is_cut(pages)
-    faults = the_probe_sees() + cut + search_faults() + navigation_faults()
+    faults = the_probe_sees() + cut + search_faults() + navigation_faults() + versions_faults()
     print("\n".join(faults))
     print(f"{len(pages)} pages, {tables} tables, {len(cut)} cut, {len(faults)} faults")
     return 1 if faults or tables < 100 else 0

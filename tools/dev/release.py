@@ -24,7 +24,8 @@ WHOLE = {"deb": r"\.deb$", "wheel": r"\.whl$"}  # without one of these a release
 
 
 def git(root, *arguments):
-    return subprocess.run(["git", "-C", str(root), *arguments], check=True, capture_output=True, text=True).stdout.rstrip()
+    command = ["git", "-C", str(root), *arguments]
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.rstrip()
 
 
 def refusals(root, wanted):
@@ -38,7 +39,8 @@ def refusals(root, wanted):
     if changed:
         yield f"the tree is not clean ({len(changed)} files, the first: {changed[0][3:]}); commit or stash them"
     tag = f"v{version}"
-    if git(root, "tag", "--list", tag) and git(root, "rev-parse", f"{tag}^{{commit}}") != git(root, "rev-parse", "HEAD"):
+    released = git(root, "tag", "--list", tag) and git(root, "rev-parse", f"{tag}^{{commit}}")
+    if released and released != git(root, "rev-parse", "HEAD"):
         yield f"the tag {tag} is of another commit; a released version stays what it is: raise the version"
 
 

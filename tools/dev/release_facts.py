@@ -1,4 +1,4 @@
-"""What a release says of itself: its version in every file that states one, and the contracts that the C headers number.
+"""What a release says of itself: its version in every file that states one, and the contracts of the C headers.
 
     release_facts.py [ROOT]      prints what disagrees, and exits with 1 if something does
 """
@@ -22,6 +22,7 @@ WHOLE = (("pyproject.toml", r'^version = "([^"]+)"'),
          ("docs/guide/building.md", r"tiller-tools_([^_]+)_"))
 # Its first two numbers.
 MINOR = ((f"{HEADERS}/tiller.h", r"^#define TILLER_VERSION_MAJOR (\d+)\n#define TILLER_VERSION_MINOR (\d+)$"),
+         ("tests/abi/lifecycle_test.cpp", r'tiller_version\(\), "([0-9.]+)"'),
          ("tests/package/consumer/CMakeLists.txt", r"^find_package\(tiller (\S+) "),
          ("docs/guide/building.md", r"find_package\(tiller (\S+) "),
          ("docs/guide/building.md", r"`libtiller\.so\.([0-9.]+)`"),

@@ -38,7 +38,8 @@ def apt_lists(root):
 
 
 def apt_version(package):
-    done = subprocess.run(["dpkg-query", "-W", "-f", "${Version}", package], capture_output=True, text=True, check=False)
+    command = ["dpkg-query", "-W", "-f", "${Version}", package]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     return done.stdout.strip() or None if done.returncode == 0 else None
 
 

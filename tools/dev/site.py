@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """The documentation site: docs/, README, the C interface and the Python package's names, with search.
 
-    site.py ROOT OUT        OUT/html is the site; needs mkdocs and no network
+    site.py ROOT OUT [FOLDER]   OUT/html is the site; needs mkdocs and no network. FOLDER: of sites of several versions,
+                                which this one joins
 
 The navigation is docs/README.md: its headings and its links, in their order; a page of docs/ that it leaves out is an
 error. Pages are copied and their links followed: one to a file outside docs/ leads to a page that shows the file. Fails
@@ -19,7 +20,9 @@ import sys
 import urllib.parse
 
 import notebooks
+import release_facts
 import site_api
+import site_versions
 
 LINK = re.compile(r"(!?\[[^\]]*\])\(([^)\s]+)\)")
 FORMULA = re.compile(r"(\w\[\w+\])\((?=[^)]* )")  # network[member](sin q, ...): no link, though it looks like one
@@ -134,6 +137,7 @@ use_directory_urls: false
 theme: {{name: readthedocs, highlightjs: false, navigation_depth: 2, include_homepage_in_sidebar: false}}
 plugins: [search]
 extra_css: [site.css]
+extra_javascript: [versions.js, site_versions.js]
 markdown_extensions: [tables, fenced_code, toc]
 not_in_nav: |
   /source/
@@ -210,7 +214,10 @@ def crawl(site):
 def write_pages(root, out):
     site = Site(root, out)
     shutil.copy(root / "README.md", site.source / "index.md")
-    shutil.copy(HERE / "site.css", site.source)
+    for name in ("site.css", "site_versions.js"):
+        shutil.copy(HERE / name, site.source)
+    version = release_facts.version(root)
+    site_versions.write_list(site.source, version, [{"version": version, "pages": []}])
     for page in [root / "README.md", *sorted((root / "docs").rglob("*.md"))]:
         site.follow(site.shown.get(page) or site.source / page.relative_to(root / "docs"), page)
     api = site.source / "api"
@@ -223,7 +230,7 @@ def write_pages(root, out):
     (out / "mkdocs.yml").write_text(CONFIG.format(navigation=navigation(site.source / "contents.md")), encoding="utf-8")
 
 
-def main(root, out):
+def main(root, out, folder=None):
     root, out = pathlib.Path(root).resolve(), pathlib.Path(out).resolve()
     write_pages(root, out)
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "-f", str(out / "mkdocs.yml")]
@@ -237,8 +244,11 @@ def main(root, out):
     for fault in faults:
         print(fault)
     print(f"site: {pages} pages, {len(faults)} faults: {out / 'html/index.html'}")
+    if folder and not faults:
+        versions = site_versions.add(out / "html", release_facts.version(root), pathlib.Path(folder).resolve())
+        print(f"site: {pathlib.Path(folder) / 'index.html'} has {', '.join(versions)}")
     return 1 if faults else 0
 
 
 if __name__ == "__main__":
-    sys.exit(main(*sys.argv[1:3]))
+    sys.exit(main(*sys.argv[1:4]))

@@ -2,8 +2,8 @@
 
     conda_test.py RECIPES WORK
 
-Its requirements are rendered with conda-forge's variants. The build itself has this machine's compilers, CMake and xsimd
-in their place, since conda's channels are no package registry that every machine reaches, and one model, for time.
+Its requirements are rendered with conda-forge's variants. The build itself has this machine's compilers, CMake and
+xsimd in their place, since not every machine reaches conda's channels, and one model, for time.
 """
 
 import json
