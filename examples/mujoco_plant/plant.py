@@ -3,7 +3,8 @@
     plant.py my_arm.urdf my_arm/robot.toml --payload 1.2 --frame tool
 
 The description (URDF, MJCF) is the machine; of the robot file the plant takes the wiring alone: which joints are
-measured and driven, where they start, how long a period is. The load and the friction are known to nobody else.
+measured and driven, where they start, how long a period is. The load and the friction are known to nobody else. With
+--servos (as in the import) the description's actuators act: inputs of position servos are goals.
 """
 import argparse
 import re
@@ -29,6 +30,8 @@ def load(path, driven, payload_kg, frame):
         for joint in root.findall("joint/dynamics[@armature]/.."):  # of a URDF MuJoCo does not read it
             spec.joint(joint.get("name")).armature = float(joint.find("dynamics").get("armature"))
     for joint in spec.joints: joint.name = joint.name or joint.parent.name + "_joint"  # as the import calls them
+    ties = [e for e in spec.equalities if e.type == mujoco.mjtEq.mjEQ_JOINT and identifier(e.name2) in driven]
+    driven = driven | {identifier(e.name1) for e in ties}  # what follows moves along
     for joint in [j for j in spec.joints if identifier(j.name) not in driven]:
         for tie in [e for e in spec.equalities if joint.name in (e.name1, e.name2)]: spec.delete(tie)
         spec.delete(joint)
@@ -40,7 +43,8 @@ def load(path, driven, payload_kg, frame):
         at = site.pos if site else [0, 0, 0]
         body.add_body(mass=payload_kg, inertia=[kgm2] * 3, explicitinertial=True, ipos=[0, 0, 0], pos=at)
     spec.option.timestep, spec.option.integrator = STEP_S, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)  # commands are forces at the joints
+    if not options.servos:  # commands are forces at the joints
+        spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
     return spec.compile()
 
 def identifier(name): return re.sub(r"[^A-Za-z0-9]", "_", name)
@@ -66,8 +70,24 @@ def read():
     exact = [d.qvel[place[name][1]] if unit.endswith("_s") else d.qpos[place[name][0]] for name, unit in wiring]
     return [float(v + options.noise * n) for v, n in zip(exact, noise.standard_normal(len(exact)))]
 
+def follow(data):
+    """Joints that follow others stand where these put them: q - q0 = a0 + a1 (p - p0)."""
+    for e in np.flatnonzero(m.eq_type == mujoco.mjtEq.mjEQ_JOINT):
+        own, other = (m.jnt_qposadr[j[e]] for j in (m.eq_obj1id, m.eq_obj2id))
+        data.qpos[own] = m.qpos0[own] + m.eq_data[e][0] + m.eq_data[e][1] * (data.qpos[other] - m.qpos0[other])
+
+def controls(goals):
+    """The ctrl of each position servo that rests where its goal is: gain ctrl + b0 + b1 length = 0."""
+    for at, goal in goals: rest.qpos[at] = goal
+    follow(rest)
+    mujoco.mj_fwdPosition(m, rest)
+    b0, b1, gain = m.actuator_biasprm[:, 0], m.actuator_biasprm[:, 1], m.actuator_gainprm[:, 0]
+    return np.where(b1 < 0.0, -(b0 + b1 * rest.actuator_length) / gain, 0.0)
+
 def push(command):
-    d.qfrc_applied[inputs] = np.nan_to_num(command.value[:len(inputs)], posinf=0.0, neginf=0.0) if command else 0.0
+    values = np.nan_to_num(command.value[:len(inputs)], posinf=0.0, neginf=0.0) if command else np.zeros(len(inputs))
+    d.qfrc_applied[inputs] = np.where(is_goal, 0.0, values)
+    if options.servos and command: d.ctrl[:] = controls([(q, v) for q, v, goal in zip(seats, values, is_goal) if goal])
     for at, force, begin_s, end_s in pushes: d.qfrc_applied[at] += force if begin_s <= d.time < end_s else 0.0
 
 def lockstep():
@@ -99,6 +119,7 @@ options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.
 for name in ("description", "robot"): options.add_argument(name)
 options.add_argument("--frame", default="", metavar="NAME", help="body or site that carries the payload")
 options.add_argument("--real-time", action="store_true", help="else lockstep")
+options.add_argument("--servos", action="store_true", help="the robot was imported with --servos")
 for name, value, unit in (("payload", 0.0, "KG"), ("friction", 0.0, "NM"), ("armature", 0.0, "KGM2"),
                           ("noise", 0.00025, "RAD"), ("seconds", 10.0, "S"), ("seed", 1, "N"),
                           ("push", "", "JOINT:NM:FROM_S:TO_S,.."), ("prefix", "TILLER_", "TEXT"),
@@ -112,8 +133,12 @@ m.dof_frictionloss[:] += options.friction
 m.dof_armature[m.dof_armature == 0.0] = options.armature
 d, noise = mujoco.MjData(m), np.random.default_rng(options.seed)
 place = {identifier(m.joint(j).name): (m.jnt_qposadr[j], m.jnt_dofadr[j]) for j in range(m.njnt)}
-inputs = [place[split(key)[0]][1] for key in robot["limits"]]
+inputs, seats = ([place[split(key)[0]][k] for key in robot["limits"]] for k in (1, 0))
+served = {e["port"] for e in robot.get("effects", []) if e["kind"] == "position_servo"}
+is_goal, rest = np.array([key in served for key in robot["limits"]]), mujoco.MjData(m)
 for key, value in robot["start"]["state"].items(): d.qpos[place[split(key)[0]][0]] = value
+follow(d)
+if options.servos: d.ctrl[:] = controls([(q, d.qpos[q]) for q, goal in zip(seats, is_goal) if goal])
 pushes = [(place[joint][1], *map(float, numbers)) for joint, *numbers in (p.split(":") for p in options.push.split(",") if p)]
 bus, newest = lcm.LCM(options.url), None
 bus.subscribe(options.prefix + "COMMAND", hear)

@@ -74,6 +74,61 @@ def write(mujoco, folder):
     (folder / "machine_accelerations.json").write_text(f"[\n{text}\n]\n", encoding="utf-8")
 
 
+SERVO_JOINTS = ["shoulder", "elbow", "wrist", "left_finger"]
+MIRROR = 1.25, 0.002  # right_finger = 0.002 + 1.25 left_finger
+CONTROL = {"lift": 4.0, "bend": 3.0, "twist": 2.0, "grasp": 20.0}
+
+
+def servo_accelerations(mujoco, m, q, v, control):
+    """With every drive, spring and damper; the coupling by projection, since MuJoCo's own is soft."""
+    import numpy as np
+
+    d, jacobian = mujoco.MjData(m), np.zeros((m.nv, len(SERVO_JOINTS)))
+    for k, name in enumerate(SERVO_JOINTS):
+        j = m.joint(name).id
+        d.qpos[m.jnt_qposadr[j]], jacobian[m.jnt_dofadr[j], k] = q[k], 1.0
+    right = m.joint("right_finger").id
+    d.qpos[m.jnt_qposadr[right]] = MIRROR[0] * q[3] + MIRROR[1]
+    jacobian[m.jnt_dofadr[right], 3] = MIRROR[0]
+    d.qvel[:], d.ctrl[:] = jacobian @ np.array(v), control
+    mujoco.mj_forward(m, d)
+    inertia = np.zeros((m.nv, m.nv))
+    mujoco.mj_fullM(m, d, inertia)
+    forces = d.qfrc_actuator + d.qfrc_passive - d.qfrc_bias
+    return np.linalg.solve(jacobian.T @ inertia @ jacobian, jacobian.T @ forces).tolist()
+
+
+def servo_arm(mujoco, folder):
+    m = mujoco.MjModel.from_xml_path(str(folder / "servos.xml"))
+    m.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    return m
+
+
+def write_servos(mujoco, folder):
+    import numpy as np
+
+    (folder / "servos.json").write_text(json.dumps(compiled(folder, "servos.xml"), indent=1) + "\n", encoding="utf-8")
+    m, rng, rows = servo_arm(mujoco, folder), np.random.default_rng(SEED), []
+    for _ in range(STATES):
+        q = [*rng.uniform(-2, 2, 3).round(4).tolist(), round(float(rng.uniform(0.0, 0.04)), 5)]
+        v = [*rng.uniform(-2, 2, 3).round(4).tolist(), round(float(rng.uniform(-0.2, 0.2)), 4)]
+        low = {"lift": -4.0, "bend": -2.0, "twist": -2.0, "grasp": 0.0}
+        control = [round(float(rng.uniform(low[name], high)), 4) for name, high in CONTROL.items()]
+        rows.append({"q": q, "v": v, "control": control, "a": servo_accelerations(mujoco, m, q, v, control)})
+    text = ",\n".join(json.dumps(row) for row in rows)
+    (folder / "servos_accelerations.json").write_text(f"[\n{text}\n]\n", encoding="utf-8")
+
+
+def servos_as_stored(mujoco, folder):
+    difference = same(compiled(folder, "servos.xml"), json.loads((folder / "servos.json").read_text(encoding="utf-8")))
+    assert difference is None, difference
+    m = servo_arm(mujoco, folder)
+    for row in json.loads((folder / "servos_accelerations.json").read_text(encoding="utf-8")):
+        theirs = servo_accelerations(mujoco, m, row["q"], row["v"], row["control"])
+        worst = max(abs(a - b) for a, b in zip(row["a"], theirs)) / max(map(abs, theirs))
+        assert worst < 1e-10, worst
+
+
 def same(ours, theirs, where=""):
     """Where two JSON values differ, beyond rounding; None: nowhere."""
     if isinstance(ours, dict) and isinstance(theirs, dict):
@@ -95,6 +150,7 @@ def imported(tiller, file, folder):
 def with_mujoco(mujoco, tiller, folder):
     difference = same(compiled(folder), json.loads((folder / "machine.json").read_text(encoding="utf-8")))
     assert difference is None, difference
+    servos_as_stored(mujoco, folder)
     models, worst = both(mujoco, folder), 0.0
     for row in json.loads((folder / "machine_accelerations.json").read_text(encoding="utf-8")):
         for m, key in zip(models, ("a", "a_loaded")):
@@ -130,6 +186,7 @@ def main():
         return without_mujoco(tiller, folder)
     if sys.argv[3:] == ["--write"]:
         write(mujoco, folder)
+        write_servos(mujoco, folder)
     return with_mujoco(mujoco, tiller, folder)
 
 

@@ -28,7 +28,7 @@ struct Options {
   Words unknown, hold, armature, frame, sphere, value;
   std::string sphere_file;
   double margin_rad = 0.0;
-  bool any_inertia = false, force = false, keep_unidentifiable = false, model_only = false;
+  bool any_inertia = false, servos = false, force = false, keep_unidentifiable = false, model_only = false;
 };
 
 int complain_all(const std::vector<std::string>& errors) {
@@ -144,6 +144,7 @@ std::string command_text(const Options& o) {
   add("--armature", o.armature);
   if (o.base != "fixed") text += " --base " + o.base;
   if (o.any_inertia) text += " --any-inertia";
+  if (o.servos) text += " --servos";
   return text;
 }
 
@@ -254,11 +255,15 @@ bool within_limits(const Options& o, const Mechanism& mechanism, const ModelName
   static_assert(TILLER_MAX_INPUTS >= TILLER_MAX_JOINTS, "an input for each joint");
   std::size_t effects = unknowns.payload ? 1 : 0;
   for (const JointFriction& f : unknowns.friction) effects += (f.viscous.empty() ? 0 : 1) + (f.dry.empty() ? 0 : 1);
-  for (const MovingBody& b : mechanism.bodies)
-    if (b.mimics < 0 && b.stiffness > 0.0) effects += b.rest != 0.0 ? 2 : 1;
+  std::size_t of_servos = 0;  // a servo has three parameters
+  for (const MovingBody& b : mechanism.bodies) {
+    if (b.mimics >= 0) continue;
+    effects += (b.stiffness > 0.0 ? 1 : 0) + (b.stiffness * b.rest + b.offset != 0.0 ? 1 : 0) + (b.has_goal() ? 1 : 0);
+    of_servos += b.has_goal() ? 2 : 0;
+  }
   const std::string fewer = "name fewer with --unknown, or hold joints: --hold JOINT[=POSITION],...";
-  over("parameters", unknowns.parameters.size() + effects, TILLER_MAX_PARAMS, fewer);
-  over("effects of friction and springs", effects, TILLER_MAX_EFFECTS, fewer);
+  over("parameters", unknowns.parameters.size() + effects + of_servos, TILLER_MAX_PARAMS, fewer);
+  over("effects of friction, springs and servos", effects, TILLER_MAX_EFFECTS, fewer);
   if (names.inputs.empty()) errors.push_back(mechanism.path + ": no joint is driven" + why_undriven(mechanism));
   return errors.empty();
 }
@@ -281,6 +286,10 @@ bool make_plant(const Options& o, const MechanismOptions& options, const Mechani
                 std::vector<std::string>& notes, std::string& error) {
   if (options.base != BaseKind::fixed) {
     notes.push_back(o.description + ": a base that moves has no ODE plant; [sim] plant = \"model\"");
+    return true;
+  }
+  if (std::any_of(mechanism.bodies.begin(), mechanism.bodies.end(), [](const MovingBody& b) { return b.has_goal(); })) {
+    notes.push_back(o.description + ": servos have no ODE plant; [sim] plant = \"model\"");
     return true;
   }
   if (mechanism.gravity_m_s2[0] != 0.0) {
@@ -376,6 +385,7 @@ bool options_fit(const Options& o, bool is_function) {
     bad |= refuse(!o.armature.empty(), "--armature");
     bad |= refuse(o.base != "fixed", "--base");
     bad |= refuse(o.any_inertia, "--any-inertia");
+    bad |= refuse(o.servos, "--servos");
     bad |= refuse(!o.sphere.empty(), "--sphere");
     bad |= refuse(!o.sphere_file.empty(), "--spheres");
     bad |= refuse(o.margin_rad > 0.0, "--margin");
@@ -408,6 +418,7 @@ int import_command(Options& o) {
                     o.description.substr(0, o.description.size() - 3) + ".casadi\"), and import that file");
   MechanismOptions options;
   options.any_inertia = o.any_inertia;
+  options.servos = o.servos;
   options.base = o.base == "free" ? BaseKind::free : o.base == "planar" ? BaseKind::planar : BaseKind::fixed;
   Description description;
   Mechanism mechanism;
@@ -496,6 +507,8 @@ void add_import_command(CLI::App& app, int& exit_code) {
   command->add_flag(
       "--keep-unidentifiable", o->keep_unidentifiable,
       "infer also the unknowns that no motion identifies; a filter with few particles reports intervals\nfor them that are too narrow; without this flag they are fixed at the description's values");
+  command->add_flag("--servos", o->servos,
+                    "of an MJCF: actuators act by their laws, so that the input of a position servo is its goal");
   command->add_flag("--any-inertia", o->any_inertia, "take inertias that no body can have as they are");
   command->add_option("--value", o->value, "of a function's parameters: NAME=NUMBER; several by commas")
       ->delimiter(',');

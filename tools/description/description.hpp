@@ -19,6 +19,19 @@ struct LinkText {
 
 enum class JointKind { fixed, revolute, continuous, prismatic, floating, planar, ball };
 
+/// What a drive makes of its command, as a force at its joint: stiffness (goal - q) - damping v, within the limit;
+/// without stiffness command + goal_at_zero - damping v, of a command that is a force.
+struct DriveLaw {
+  std::string kind;  ///< "position servo lifter"; empty: the command is the joint's force
+  double stiffness = 0.0, damping = 0.0;
+  double limit = std::numeric_limits<double>::infinity();  ///< of the force
+  double low = -std::numeric_limits<double>::infinity(),
+         high = std::numeric_limits<double>::infinity();  ///< of the goal
+  double goal_per_control = 1.0,
+         goal_at_zero = 0.0;  ///< goal = goal_at_zero + goal_per_control ctrl, of the file's ctrl
+  bool is_stable = true;      ///< neither stiffness nor damping is negative
+};
+
 struct JointText {
   std::string name;
   int line = 0;
@@ -36,9 +49,17 @@ struct JointText {
   double stiffness = 0.0, rest = 0.0;                       ///< a spring about `rest`: Nm/rad or N/m; rad or m
   double start = std::numeric_limits<double>::quiet_NaN();  ///< where it stands at first; NaN: nobody says
   bool actuated = true;
-  std::string mimics;  ///< the joint that this one follows; empty: none
+  DriveLaw law;
+  std::vector<std::string> law_told;  ///< for whoever leaves the law out, a sentence for each drive that has one
+  std::string mimics;                 ///< the joint that this one follows; empty: none
   double mimic_ratio = 1.0, mimic_offset = 0.0;
 
+  /// One more spring: two about different positions are one about a third.
+  void add_spring(double more, double about) {
+    rest = (stiffness * rest + more * about) / (stiffness + more);
+    stiffness += more;
+    if (kind == JointKind::continuous) kind = JointKind::revolute;  // a spring remembers the turns
+  }
   /// Takes what is as large as 1e16, which descriptions write where a joint has no end, for none.
   void open_ends() {
     constexpr double kNoEnd = 1e6, kNone = std::numeric_limits<double>::infinity();

@@ -11,13 +11,12 @@
 #include "tools/base/report.hpp"
 #include "tools/base/text.hpp"
 #include "tools/description/description.hpp"
+#include "tools/description/mjcf_drives.hpp"
 
 namespace tiller::tools {
 namespace {
 
 using Json = nlohmann::json;
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 Vec3<double> triple(const Json& json) { return json.get<std::array<double, 3>>(); }
 Pose pose_of(const Json& quaternion, const Json& position) {
@@ -25,9 +24,6 @@ Pose pose_of(const Json& quaternion, const Json& position) {
 }
 std::string text(const Json& json, const char* key) { return json.at(key).get<std::string>(); }
 double number(const Json& json, const char* key) { return json.at(key).get<double>(); }
-double largest(const Json& range) {
-  return std::max(std::fabs(range.at(0).get<double>()), std::fabs(range.at(1).get<double>()));
-}
 
 /// A joint moves its body in the axes that the joints before it leave: each becomes a link of its own, whose origin is
 /// the joint's anchor. MuJoCo's positions stay as they are, so a joint may stand at another one than 0 in the file.
@@ -43,8 +39,11 @@ class CompiledReader {
     if (!errors_.empty()) return;
     for (std::size_t b = 0; b < bodies_.size(); ++b)
       if (!left_out(b)) add_body(b);
-    read_actuators();
     read_equalities();
+    std::set<std::string> joints_of_props;
+    for (const Json& joint : json_.at("joints"))
+      if (left_out(joint.at("body").get<std::size_t>())) joints_of_props.insert(text(joint, "name"));
+    DriveReader(json_, joints_of_props, robot_).read();
     for (const Json& site : json_.at("sites"))
       if (const std::size_t b = site.at("body").get<std::size_t>(); !left_out(b))
         robot_.frames.push_back({text(site, "name"), body_name(b), pose_of(site.at("quat"), site.at("pos"))});
@@ -195,89 +194,6 @@ class CompiledReader {
     return nullptr;
   }
 
-  void read_actuators() {
-    std::map<std::string, double> effort;
-    std::map<std::string, Words> kinds;  // what they are beside motors
-    Words geared, lagging, elsewhere, one_way;
-    for (const Json& a : json_.at("actuators")) {
-      const std::string name = text(a, "name"), way = text(a, "transmission"), target = text(a, "target");
-      JointText* joint = way == "joint" || way == "jointinparent" ? find_joint(target) : nullptr;
-      if (joint == nullptr || joint->kind == JointKind::ball) {
-        if (!of_a_prop(way, target))
-          elsewhere.push_back(name + " (" + way + (target.empty() ? "" : " " + target) + ")");
-        continue;
-      }
-      const double gear = std::fabs(number(a, "gear"));
-      joint->actuated = true;
-      joint->armature += gear * gear * number(a, "armature");
-      joint->damping += gear * gear * number(a, "damping");
-      const std::string kind = kind_of(a);
-      const double gain = std::fabs(a.at("gain_values").at(0).get<double>());
-      double force = a.at("force_limited").get<bool>() ? largest(a.at("force_range")) : kInfinity;
-      if (kind == "motor") {
-        if (a.at("control_limited").get<bool>()) force = std::min(force, gain * largest(a.at("control_range")));
-        if (gear * gain != 1.0) geared.push_back(name + " (" + number_text(gear * gain) + ")");
-        if (pushes_one_way(a)) one_way.push_back(name);
-      } else if (kind == "position servo" && a.at("bias_values").at(1).get<double>() == -gain) {
-        leave_out("position servo " + name +
-                  ": the law is not read: the input is the joint's force. It is the goal with " +
-                  servo_effect(a, gear, gain, force));
-      } else {
-        kinds[kind].push_back(name);
-      }
-      if (text(a, "dynamics") != "none" || number(a, "delay") > 0.0) lagging.push_back(name);
-      effort[target] += gear * force;
-    }
-    for (const auto& [kind, names] : kinds)
-      leave_out_of(kind, names,
-                   "the law is not read: inputs are joint forces; the force's limits are, where there are any");
-    note_of("geared motor", geared, "the input is the joint's force, so many times MuJoCo's ctrl");
-    note_of("actuator", one_way, "pushes one way; [limits] has both: correct them there");
-    leave_out_of("actuator", lagging, "filters and delays are not read; name a lag or a delay in [[effects]]");
-    leave_out_of("actuator", elsewhere, "drives no hinge or slide, not read: what it moves has no input");
-    robot_.idle_drives = elsewhere;
-    for (const Json& j : json_.at("joints")) {
-      JointText* joint = find_joint(text(j, "name"));
-      if (joint == nullptr) continue;
-      if (effort.count(joint->name) > 0 && effort[joint->name] > 0.0) joint->effort = effort[joint->name];
-      if (j.at("force_limited").get<bool>()) joint->effort = std::min(joint->effort, largest(j.at("force_range")));
-    }
-    if (!json_.at("actuators").empty()) return;
-    for (JointText& joint : robot_.joints) joint.actuated = true;
-    note("there are no actuators: every joint is taken as driven");
-  }
-
-  bool of_a_prop(const std::string& way, const std::string& target) const {
-    if (way != "joint" && way != "jointinparent") return false;
-    for (const Json& j : json_.at("joints"))
-      if (text(j, "name") == target) return left_out(j.at("body").get<std::size_t>());
-    return false;
-  }
-
-  /// The effect that has the law of a position servo: force = gain (ctrl - gear q) - bias gear v, gear times that at
-  /// the joint.
-  static std::string servo_effect(const Json& a, double gear, double gain, double force) {
-    const double damping = gear * gear * std::max(0.0, -a.at("bias_values").at(2).get<double>());
-    return "[[effects]] kind = \"position_servo\", stiffness_SI = " + number_text(gear * gear * gain) +
-           ", damping_SI = " + number_text(damping) +
-           (std::isfinite(force) ? ", limit_SI = " + number_text(gear * force) : "") +
-           (gear != 1.0 ? ", of MuJoCo's ctrl over " + number_text(gear) : "");
-  }
-  static std::string kind_of(const Json& a) {
-    const std::string gain = text(a, "gain"), bias = text(a, "bias");
-    if (a.at("plugin").get<bool>()) return "plugin";
-    if (gain == "fixed" && bias == "none") return "motor";
-    if (gain == "fixed" && bias == "affine")
-      return a.at("bias_values").at(1).get<double>() != 0.0 ? "position servo" : "velocity servo";
-    return gain + " actuator";
-  }
-  static bool pushes_one_way(const Json& a) {
-    const auto one_sided = [&](const char* on, const char* range) {
-      return a.at(on).get<bool>() && a.at(range).at(0).get<double>() * a.at(range).at(1).get<double>() >= 0.0;
-    };
-    return one_sided("force_limited", "force_range") || one_sided("control_limited", "control_range");
-  }
-
   void read_equalities() {
     std::map<std::string, double> initial;
     for (const Json& joint : json_.at("joints")) initial[text(joint, "name")] = number(joint, "ref");
@@ -330,10 +246,7 @@ class CompiledReader {
   }
 
   void note_the_rest() {
-    Words tendons, light;
-    for (const Json& t : json_.at("tendons"))
-      if (t.at("acts").get<bool>()) tendons.push_back(text(t, "name"));
-    leave_out_of("tendon", tendons, "springs, damping, friction, inertia and limits of tendons are not read");
+    Words light;
     for (std::size_t b = 0; b < bodies_.size(); ++b)
       if (number(bodies_[b], "gravcomp") != 0.0 && !left_out(b)) light.push_back(body_name(b));
     leave_out_of("link", light, "gravcomp is not read: the joints carry the whole weight");

@@ -145,6 +145,10 @@ class Builder {
     place_frames();
     check_masses();
     take_gravity();
+    if (options_.servos && laws_ == 0)
+      errors_.push_back("--servos: " + robot_.path +
+                        " has no actuator whose law can be taken (a position or velocity servo alone at its joint); "
+                        "leave it out");
     if (errors_.empty()) note_light_joints();
     if (errors_.empty() && out_.bodies.empty())
       errors_.push_back(robot_.path + ": nothing moves: every joint is fixed");
@@ -318,6 +322,7 @@ class Builder {
     b.start = joint.start;
     b.actuated = joint.actuated;
     b.armature = joint.armature;
+    take_law(joint, b);
     for (const MechanismOptions::Armature& a : options_.armature)
       if (a.joint == joint.name || (a.joint == "*" && joint.armature == 0.0 && joint.mimics.empty()))
         b.armature = a.inertia;
@@ -326,6 +331,28 @@ class Builder {
     raw.axis = joint.axis;
     raw_.push_back(raw);
     add_link(joint.child, static_cast<int>(raw_.size()) - 1, Pose{}, depth + 1);
+  }
+
+  /// Without a stiffness a law is friction and a constant force beside an input that is a force.
+  void take_law(const JointText& joint, MovingBody& b) {
+    if (joint.law.kind.empty() || !options_.servos) {
+      for (const std::string& told : joint.law_told) out_.left_out.push_back(told);
+      return;
+    }
+    b.law = joint.law;
+    ++laws_;
+    if (b.has_goal()) {
+      const double span = std::max(0.1, b.goal_high() - b.goal_low());
+      b.effort = std::isfinite(joint.law.limit) ? joint.law.limit : joint.law.stiffness * span;
+      return;
+    }
+    b.damping += joint.law.damping;
+    b.offset = joint.law.goal_at_zero;
+    const double most = std::max(std::fabs(joint.law.low - b.offset), std::fabs(joint.law.high - b.offset));
+    b.effort = std::isfinite(most) ? most : joint.effort;
+    if (std::isfinite(joint.law.limit))
+      out_.left_out.push_back(joint.law.kind +
+                              ": the limit of its force counts for input and damping together, which is not read");
   }
 
   /// A body's mass is above zero and its principal moments are those of some distribution of mass: none is larger than
@@ -420,14 +447,26 @@ class Builder {
                                        "', which does not move; hold it too: --hold " + raw.body.joint);
         continue;
       }
-      if (raw.body.damping + raw.body.friction + raw.body.stiffness > 0.0)
-        out_.notes.push_back(at_line(found->second->line) + ": joint '" + raw.body.joint + "' follows '" + joint->name +
-                             "': damping, friction and springs of its own are not read");
       raw.body.mimics = leader->second;
       raw.body.mimic_ratio = ratio;
       raw.body.mimic_offset = offset;
       raw.body.actuated = false;
+      give_to_leader(raw.body, raw_[static_cast<std::size_t>(leader->second)].body);
     }
+  }
+
+  /// What acts at a joint that follows acts at the one that it follows, through the ratio.
+  static void give_to_leader(MovingBody& follower, MovingBody& leader) {
+    const double r = follower.mimic_ratio, square = r * r;
+    leader.damping += square * follower.damping;
+    leader.friction += std::fabs(r) * follower.friction;
+    if (follower.stiffness > 0.0 && r != 0.0) {
+      const double about = (follower.rest - follower.mimic_offset) / r, more = square * follower.stiffness;
+      leader.rest = (leader.stiffness * leader.rest + more * about) / (leader.stiffness + more);
+      leader.stiffness += more;
+      leader.wraps = false;
+    }
+    follower.damping = follower.friction = follower.stiffness = 0.0;
   }
 
   /// Every body's own frame, and from there what the equations need.
@@ -531,6 +570,7 @@ class Builder {
   std::set<std::string> reached_;
   std::vector<NamedFrame> frames_;
   std::vector<RawBody> raw_;
+  int laws_ = 0;  // of drives, taken
   std::vector<std::pair<const LinkText*, std::string>> notes_of_shape_;
 };
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 #include <vector>
@@ -45,7 +46,16 @@ struct MovingBody {
   double damping = 0.0, friction = 0.0, armature = 0.0;
   double stiffness = 0.0, rest = 0.0;  ///< a spring about `rest`
   double start = NAN;                  ///< NaN: nobody says
+  double offset = 0.0;                 ///< a constant force
   bool actuated = true;
+  DriveLaw law;  ///< with `servos`: what the drive makes of the command
+  bool has_goal() const { return law.stiffness > 0.0; }
+  /// What the command may be where it is a goal: of the drive, else of the joint.
+  double goal_low() const { return std::max(law.low, std::isfinite(low) || std::isfinite(law.low) ? low : -kAnyGoal); }
+  double goal_high() const {
+    return std::min(law.high, std::isfinite(high) || std::isfinite(law.high) ? high : kAnyGoal);
+  }
+  static constexpr double kAnyGoal = 3.1416;
   int mimics = -1;  ///< the body whose joint this one follows
   double mimic_ratio = 1.0, mimic_offset = 0.0;
   int line = 0;
@@ -67,6 +77,7 @@ enum class BaseKind { fixed, planar, free };
 
 struct MechanismOptions {
   BaseKind base = BaseKind::fixed;
+  bool servos = false;       ///< actuators act by their laws: the input of a position servo is its goal
   bool any_inertia = false;  ///< inertias that no body can have are taken as they are
   /// Joints that do not move, and where they stand: of the description, or of a base that moves (base_yaw).
   struct Held {

@@ -36,8 +36,12 @@ class Resting {
           (forces(moved(position, j, kStep), rest, up) - forces(moved(position, j, -kStep), rest, up)) / (2.0 * kStep);
       stiffness(j, j) += body.stiffness;
       damping(j, j) = body.damping;
+      if (body.has_goal()) {
+        stiffness(j, j) += body.law.stiffness;
+        damping(j, j) += body.law.damping;
+      }
       if (names_.input_of[static_cast<std::size_t>(j)] >= 0)
-        drive(j, names_.input_of[static_cast<std::size_t>(j)]) = 1.0;
+        drive(j, names_.input_of[static_cast<std::size_t>(j)]) = body.has_goal() ? body.law.stiffness : 1.0;
     }
     const Eigen::LDLT<MatrixXd> solver(mass);
     MatrixXd whole = MatrixXd::Zero(2 * n + m, 2 * n + m);

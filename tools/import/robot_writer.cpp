@@ -13,6 +13,9 @@ namespace {
 /// What a description that states no effort is taken for.
 constexpr double kUnstatedEffort = 10.0;
 /// The default task moves each joint so far from where it starts.
+/// A servo's goal moves as fast as this where the description states no speed, and a change of a tenth in a period costs
+/// what a tenth of a radian does.
+constexpr double kGoal_rad_s = 3.0, kGoal_m_s = 0.5, kGoalWeight = 10.0;
 constexpr double kMove_rad = 0.3, kMove_m = 0.05;
 constexpr double kPeriod_s = 0.01;
 /// A joint at twice its largest speed costs this much a period; full effort costs 0.1.
@@ -61,6 +64,7 @@ class RobotText {
     return mechanism_.bodies[static_cast<std::size_t>(names_.bodies[joint])];
   }
   std::size_t joints() const { return names_.joints.size(); }
+  const MovingBody& driven_body(std::size_t input) const { return body(driven(input)); }
   static double effort(const MovingBody& b) { return b.effort < 1e6 ? b.effort : kUnstatedEffort; }
 
   /// "{ a = 1, b = 2 }" of what `value` says for each joint; empty texts are left out.
@@ -123,15 +127,32 @@ class RobotText {
       effect("effects", "coulomb_friction", f.joint, "friction_SI", f.dry);
     }
     springs("effects");
+    servos("effects");
+  }
+
+  void servos(const char* list) {
+    for (std::size_t i = 0; i < names_.inputs.size(); ++i) {
+      const MovingBody& b = driven_body(i);
+      if (!b.has_goal()) continue;
+      if (list == std::string("effects")) out_ += "# " + b.law.kind + ": the input is its goal" + control(b.law) + "\n";
+      out_ += std::string("[[") + list + "]]\nkind = \"position_servo\"\nport = \"" + names_.inputs[i] +
+              "\"\nstiffness_SI = " + number_text(b.law.stiffness) + "\ndamping_SI = " + number_text(b.law.damping) +
+              "\nlimit_SI = " + (std::isfinite(b.law.limit) ? number_text(b.law.limit) : "0   # none") + "\n\n";
+    }
+  }
+  static std::string control(const DriveLaw& law) {
+    if (law.goal_per_control == 1.0 && law.goal_at_zero == 0.0) return "";
+    return "; goal = " + (law.goal_at_zero != 0.0 ? number_text(law.goal_at_zero) + " + " : "") +
+           number_text(law.goal_per_control) + " times MuJoCo's ctrl";
   }
 
   /// A spring about another position than 0 is one about 0 and a constant force.
   void springs(const char* list) {
     for (std::size_t j = 0; j < joints(); ++j) {
       const MovingBody& b = body(j);
-      if (!(b.stiffness > 0.0)) continue;
-      effect(list, "linear_spring", b.joint, "stiffness_SI", number_text(b.stiffness));
-      if (b.rest != 0.0) effect(list, "constant_offset", b.joint, "force_SI", number_text(b.stiffness * b.rest));
+      const double constant = b.stiffness * b.rest + b.offset;
+      if (b.stiffness > 0.0) effect(list, "linear_spring", b.joint, "stiffness_SI", number_text(b.stiffness));
+      if (constant != 0.0) effect(list, "constant_offset", b.joint, "force_SI", number_text(constant));
     }
   }
 
@@ -185,17 +206,25 @@ class RobotText {
     };
     out_ += "state_weight = " + weights(kStage[0], kStage[1]) +
             "\nterminal_weight = " + weights(kTerminal[0], kTerminal[1]) + "\n";
-    const auto effort_weight = [&](std::size_t i) { return format("%.3g", effort_weight_of(i)); };
-    out_ += "input_weight = " + table(names_.inputs, effort_weight) +
-            "\ninput_rate_weight = " + table(names_.inputs, effort_weight) + "\n";
+    const auto effort_weight = [&](std::size_t i) {
+      return driven_body(i).has_goal() ? std::string() : format("%.3g", effort_weight_of(i));
+    };
+    const auto rate_weight = [&](std::size_t i) {
+      return format("%.3g", driven_body(i).has_goal() ? kGoalWeight : effort_weight_of(i));
+    };
+    const std::string weights_of_inputs = table(names_.inputs, effort_weight);
+    if (weights_of_inputs != "{ }") out_ += "input_weight = " + weights_of_inputs + "\n";
+    out_ += "input_rate_weight = " + table(names_.inputs, rate_weight) + "\n";
     bounds();
     frame_target(frame);
     out_ += "\n";
     if (!extras_.spheres.empty()) out_ += clearance_text(extras_.spheres);
   }
 
+  static double reach(const MovingBody& b) { return std::max(0.1, b.goal_high() - b.goal_low()); }
   double effort_weight_of(std::size_t input) const {
-    const double e = effort(body(driven(input)));
+    const MovingBody& b = driven_body(input);
+    const double e = b.has_goal() ? reach(b) : effort(b);
     return 0.1 / (e * e);
   }
 
@@ -205,7 +234,7 @@ class RobotText {
     task.period_s = kPeriod_s;
     for (std::size_t i = 0; i < names_.inputs.size(); ++i) {
       task.effort.push_back(effort_weight_of(i));
-      task.reach.push_back(effort(body(driven(i))));
+      task.reach.push_back(driven_body(i).has_goal() ? reach(driven_body(i)) : effort(driven_body(i)));
     }
     std::vector<double> goal = start_;
     for (std::size_t j = 0; j < joints(); ++j) goal[static_cast<std::size_t>(names_.bodies[j])] = target(j);
@@ -276,15 +305,27 @@ class RobotText {
   void safety() {
     out_ += "[limits]\n";
     for (std::size_t i = 0; i < names_.inputs.size(); ++i) {
-      const MovingBody& b = body(driven(i));
+      const MovingBody& b = driven_body(i);
+      if (b.has_goal()) {
+        goal_limits(names_.inputs[i], driven(i));
+        continue;
+      }
       const std::string e = number_text(effort(b));
       out_ += names_.inputs[i] + " = { low = -" + e + ", high = " + e + ", safe = 0 }" +
               (b.effort < 1e6 ? "" : "   # the description states none: write the motor's") + "\n";
     }
     out_ += "\n[safety]\nsensor_timeout_s = 0.05\n";
-    out_ += "# brakes while no plan can be had; a joint under gravity sinks\n";
+    if (std::any_of(names_.bodies.begin(), names_.bodies.end(),
+                    [&](int b) { return mechanism_.bodies[static_cast<std::size_t>(b)].has_goal(); }))
+      out_ += "# without a plan, and in SAFE, a servo goes to `safe`, as fast as its rate allows\n";
+    if (std::any_of(names_.bodies.begin(), names_.bodies.end(), [&](int b) {
+          const MovingBody& one = mechanism_.bodies[static_cast<std::size_t>(b)];
+          return one.actuated && !one.has_goal();
+        }))
+      out_ += "# brakes while no plan can be had; a joint under gravity sinks\n";
     for (std::size_t i = 0; i < names_.inputs.size(); ++i) {
       const std::size_t j = driven(i);
+      if (body(j).has_goal()) continue;
       const double speed = body(j).speed < 1e6 ? body(j).speed : 3.0;
       out_ += "hold_gain." + names_.inputs[i] + " = { " + names_.velocities[j] + " = " +
               format("%.3g", 0.2 * effort(body(j)) / speed) + " }\n";
@@ -300,6 +341,15 @@ class RobotText {
     if (!ranges.empty())
       out_ += "\n# a reading beyond its joint's ends is refused where [measurement] says so:\n" + ranges;
     out_ += "\n";
+  }
+
+  /// Of a servo's goal: a position, which begins where the joint stands.
+  void goal_limits(const std::string& input, std::size_t joint) {
+    const MovingBody& b = body(joint);
+    const double speed = b.speed < 1e6 ? b.speed : b.prismatic ? kGoal_m_s : kGoal_rad_s;
+    const double safe = std::clamp(round_to(start(joint)), b.goal_low(), b.goal_high());
+    out_ += input + " = { low = " + number_text(b.goal_low()) + ", high = " + number_text(b.goal_high()) +
+            ", safe = " + number_text(safe) + ", rate_per_s = " + number_text(speed) + " }   # a position\n";
   }
 
   void plant(const DescribedPlant& made) {
@@ -332,6 +382,7 @@ class RobotText {
       effect("sim.effects", "coulomb_friction", f.joint, "friction_SI", value(f.plant_dry));
     }
     springs("sim.effects");
+    servos("sim.effects");
   }
 
   static std::string numbers(const std::string& key, const std::map<std::string, double>& values) {

@@ -124,6 +124,8 @@ class Reader {
         out_.parameters.push_back({Kind::inertia, identifier(about) + "_" + inertia_coordinates()[k], about, k, 0.0,
                                    k < 7 ? kShapeSd : kShiftSd_m});
     }
+    if (kind == "gain" && body_of(about).has_goal())
+      return fail("gain:" + about, "the joint's input is a servo's goal; give stiffness_SI of its effect a prior");
     if (kind == "gain" && !has(Kind::gain, about) && body_of(about).actuated)
       out_.parameters.push_back({Kind::gain, identifier(about) + "_gain", about, 0, 1.0, kGainSd});
     if (kind == "friction") add_friction(body_of(about));

@@ -52,6 +52,21 @@ def touching_world(m, body):
     return [body[k] for k in sorted(moving)]
 
 
+def tendon_of(mujoco, m, k, name, joint, no_springs, no_damping, no_friction, no_limits):
+    """A fixed tendon with its joints and coefficients; one over sites has none of them."""
+    wraps = range(m.tendon_adr[k], m.tendon_adr[k] + m.tendon_num[k])
+    fixed = all(m.wrap_type[w] == mujoco.mjtWrap.mjWRAP_JOINT for w in wraps)
+    value = lambda field, off=False: 0.0 if off or not hasattr(m, field) else float(getattr(m, field)[k])
+    higher = any(any(getattr(m, f)[k]) for f in ("tendon_stiffnesspoly", "tendon_dampingpoly") if hasattr(m, f))
+    out = {"name": name, "joints": [[joint[m.wrap_objid[w]], float(m.wrap_prm[w])] for w in wraps] if fixed and not higher else [],
+           "stiffness": value("tendon_stiffness", no_springs), "damping": value("tendon_damping", no_damping),
+           "frictionloss": value("tendon_frictionloss", no_friction), "armature": value("tendon_armature"),
+           "spring_range": m.tendon_lengthspring[k].tolist(), "limited": bool(m.tendon_limited[k]) and not no_limits,
+           "range": m.tendon_range[k].tolist()}
+    acting = ("stiffness", "damping", "frictionloss", "armature", "limited")
+    return {**out, "acts": higher or any(out[key] for key in acting)}
+
+
 def describe(mujoco, m, stem):
     obj, lists = mujoco.mjtObj, lambda rows: [[float(v) for v in row] for row in rows]
     body = Names(mujoco, m, obj.mjOBJ_BODY, m.nbody, lambda k: f"body{k}").of
@@ -129,9 +144,8 @@ def describe(mujoco, m, stem):
             entry["bodies"] = [body[m.site_bodyid[e] if on_sites else e] for e in ends]
         out["equalities"].append(entry)
 
-    out["tendons"] = [{"name": tendon[k], "acts": bool(m.tendon_stiffness[k] or m.tendon_damping[k] or
-                                                       m.tendon_frictionloss[k] or m.tendon_limited[k] or
-                                                       optional("tendon_armature", k))} for k in range(m.ntendon)]
+    out["tendons"] = [tendon_of(mujoco, m, k, tendon[k], joint, no_springs, no_damping, no_friction, no_limits)
+                      for k in range(m.ntendon)]
     out["sites"] = [{"name": site[k], "body": int(m.site_bodyid[k]), "pos": m.site_pos[k].tolist(),
                      "quat": m.site_quat[k].tolist()} for k in range(m.nsite)]
     out["keyframes"] = [{"name": name, "positions": [float(m.key_qpos[k][a]) for a in m.jnt_qposadr]}
