@@ -22,9 +22,10 @@ INSIDE = {"libeigen3-dev": "headers", "libxsimd-dev": "headers", "libode-dev": "
           "libtomlplusplus-dev": "headers", "libcli11-dev": "headers", "nlohmann-json3-dev": "headers",
           "zlib1g-dev": "library", "libglib2.0-dev": "library", "liblcm1": "library",
           "osqp": "C sources", "nanobind": "sources", "jaxlib": "headers", "lcm": "library"}
-LISTS = {"apt_build": "build", "apt_deb": "build", "apt_wheel_cross": "build", "apt_test": "test"}
+LISTS = {"apt_build": "build", "apt_deb": "build", "apt_wheel_cross": "build", "apt_test": "test",
+         "apt_cross_small": "test", "apt_fuzz": "test", "apt_style": "test"}
 FILES = {"requirements.txt": "build", "requirements_wheel.txt": "build", "requirements_site.txt": "documentation",
-         "requirements_release.txt": "release"}
+         "requirements_release.txt": "release", "requirements_recipes.txt": "test", "requirements_coverage.txt": "test"}
 
 
 def apt_lists(root):
