@@ -118,7 +118,7 @@ int report_run(const Arguments& a, const RobotFile& robot, const RunResult& resu
 /// compares with. Empty: nothing was, or there is no plant that starts again.
 std::vector<double> run_without_probing(const Arguments& a, const RobotFile& robot, RunOptions options,
                                         const RunResult& probed) {
-  const bool repeatable = a.sim && !a.real_time && a.episodes == 1 && !a.refits() && options.lcm_goals == nullptr;
+  const bool repeatable = a.sim && !a.real_time && a.episodes == 1 && !a.refits() && options.goal_source == nullptr;
   if (a.report.empty() || !repeatable || !(robot.config.probe.weight > 0.0) || probed.exit_code != kExitOk) return {};
   RobotFile without = robot;
   without.config.probe.weight = 0.0;
