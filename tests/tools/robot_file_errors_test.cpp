@@ -365,6 +365,32 @@ TEST_P(RobotFileMistake, IsToldWithLineKeyAndRemedy) {
 std::string mistake_name(const testing::TestParamInfo<Mistake>& info) { return info.param.name; }
 INSTANTIATE_TEST_SUITE_P(All, RobotFileMistake, testing::ValuesIn(kMistakes), mistake_name);
 
+TEST(RobotFileErrors, SourcesAndGoalsOfRos2AreChecked) {
+  const std::string good = kGoodRobot;
+  const std::size_t begin = good.find("[transport]"), end = good.find("\n[", begin + 1);
+  const struct {
+    const char *line, *key, *says;
+  } mistakes[] = {
+      {"sources = { position_m = \"position:rail\", angle_rad = \"angle:pole\" }", "transport.sources.angle_rad",
+       "is no value of a message"},
+      {"sources = { position_m = \"position:rail\", angle_rad = \"imu:position.x\" }", "transport.sources.angle_rad",
+       "is no value of a message"},
+      {"sources = { position_m = \"position:rail\" }", "transport.sources", "no source for angle_rad"},
+      {"sources = { position_m = \"position:rail\", angle_rad = \"imu:roll\", agle_rad = \"imu:yaw\" }",
+       "transport.sources.agle_rad", "is not measured; did you mean angle_rad?"},
+      {"goal_fields = { angel_rad = \"yaw\" }", "transport.goal_fields.angel_rad", "is neither a state nor an output"},
+      {"goal_fields = { angle_rad = \"heading\" }", "transport.goal_fields.angle_rad", "is no field of a pose"},
+      {"interface = \"can0\"", "transport.interface", "is no key of the transport ros2"}};
+  for (const auto& [line, key, says] : mistakes) {
+    std::string text = good, errors;
+    text.replace(begin, end - begin, std::string("[transport]\nkind = \"ros2\"\n") + line);
+    EXPECT_EQ(parse_robot_file(text, "r.toml", errors), nullptr) << line;
+    EXPECT_NE(errors.find(key), std::string::npos) << line << "\n" << errors;
+    EXPECT_NE(errors.find(says), std::string::npos) << line << "\n" << errors;
+    EXPECT_EQ(std::count(errors.begin(), errors.end(), '\n'), 1) << errors;
+  }
+}
+
 TEST(RobotFileErrors, AllAreToldAtOnceInTheOrderOfTheFile) {
   std::string text = kGoodRobot;
   const std::pair<const char*, const char*> changes[] = {
