@@ -35,9 +35,16 @@ constexpr char kLocalhost[] =
     "<CycloneDDS><Domain><General><Interfaces><NetworkInterface address=\"127.0.0.1\"/></Interfaces></General></Domain>"
     "</CycloneDDS>,";
 
-dds_domainid_t domain_id() {
+/// Beyond 232 the ports of RTPS end. False: ROS_DOMAIN_ID is no such number.
+bool read_domain_id(dds_domainid_t* id) {
+  constexpr unsigned long kLast = 232;
   const char* text = std::getenv("ROS_DOMAIN_ID");
-  return text != nullptr && *text != '\0' ? static_cast<dds_domainid_t>(std::strtoul(text, nullptr, 10)) : 0;
+  *id = 0;
+  if (text == nullptr || *text == '\0') return true;
+  char* end = nullptr;
+  const unsigned long number = std::strtoul(text, &end, 10);
+  *id = static_cast<dds_domainid_t>(number);
+  return *end == '\0' && number <= kLast;
 }
 
 std::atomic<std::uint64_t> undecodable{0};
@@ -119,7 +126,8 @@ bool ros2_topic(const char* name, char (&topic)[kRos2Topic]) {
 std::uint64_t ros2_undecodable() { return undecodable.load(std::memory_order_relaxed); }
 
 dds_entity_t ros2_participant() {
-  const dds_domainid_t id = domain_id();
+  dds_domainid_t id;
+  if (!read_domain_id(&id)) return DDS_RETCODE_BAD_PARAMETER;
   const dds_return_t made = make_domain(id);
   if (made < 0) return made;
   dds_qos_t* qos = dds_create_qos();
