@@ -8,8 +8,8 @@
 #include "executive/contact_test.hpp"
 #include "executive/demonstration_divergence.hpp"
 #include "executive/motion_check.hpp"
-#include "executive/part_sizes.hpp"
 #include "executive/moves_given.hpp"
+#include "executive/part_sizes.hpp"
 #include "executive/plan_memory.hpp"
 #include "executive/planning_belief.hpp"
 #include "executive/prediction.hpp"
@@ -191,7 +191,7 @@ class Executive {
   std::uint32_t forced_iterations_ = kNotForced;
   MovesGiven moves_given_;
   std::int64_t reserve_ns_ = 0;  // of the deadline, for what comes after the planner
-  float* history_ = nullptr;  // (delay_steps x nu) scratch
+  float* history_ = nullptr;     // (delay_steps x nu) scratch
 };
 
 }  // namespace tiller

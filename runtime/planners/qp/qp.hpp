@@ -41,7 +41,7 @@ struct Qp {
   const double* slack_quadratic = nullptr;  // (s) w
   /// All but `start` is as in the solve before on the same workspace: an active set's factor is used again.
   bool repeats = false;
-  QpCones cones;                            // the interior point alone knows them; kkt_residual does not count them
+  QpCones cones;  // the interior point alone knows them; kkt_residual does not count them
   std::uint32_t stacked() const { return lq.states * lq.scenarios; }
   bool soft(std::uint32_t i) const;
 };
