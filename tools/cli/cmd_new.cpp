@@ -13,6 +13,7 @@
 #include "tools/cli/import_description.hpp"
 #include "tools/command/commands.hpp"
 #include "tools/open/robot_open.hpp"
+#include "tools/robot/transport_names.hpp"
 #include "tools/starter/starter.hpp"
 
 namespace tiller::tools {
@@ -95,7 +96,7 @@ bool settle_rest(const Arguments& a, const RobotFile& robot, Answers& answers) {
                 limits_text(robot), with(read_limits)) &&
          settle("--period", a.period, "4. Period of the control loop in s", number_text(robot.config.period_s),
                 with(read_period)) &&
-         settle("--transport", a.transport, "5. Transport to the robot: lcm, can, or none for simulation alone",
+         settle("--transport", a.transport, "5. Transport to the robot: " + join(transport_words()) + ", or none for simulation alone",
                 transport, with(read_transport));
 }
 
@@ -133,7 +134,7 @@ void add_new_command(CLI::App& app, int& exit_code) {
   command->add_option("--sensors", a->sensors, "\"STATE=SD, ...\": what is measured, and how well, in SI units");
   command->add_option("--limits", a->limits, "\"INPUT=HIGH, ...\" or \"INPUT=LOW..HIGH, ...\"");
   command->add_option("--period", a->period, "of the control loop, in s; horizon and deadline go with it");
-  command->add_option("--transport", a->transport, "lcm, can, or none for simulation alone");
+  command->add_option("--transport", a->transport, join(transport_words()) + ", or none for simulation alone");
   command->add_flag("--force", a->force, "write a robot file anew that is there already");
   command->footer(
       "On a terminal it asks for what no option says; elsewhere that is as the mechanism comes.\n\n"

@@ -20,7 +20,7 @@ struct Answers {
   std::vector<Sensor> sensors;
   std::vector<Limit> limits;
   double period_s = 0;
-  std::string transport;  ///< "lcm", "socketcan", "none"
+  std::string transport;  ///< of transports.def, or "none"
 };
 
 // Each reads one answer in the words of `robot`, a file of the same mechanism. False with a sentence in `error`.
