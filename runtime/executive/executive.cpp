@@ -470,13 +470,9 @@ void Executive::count_hold(Tick& tick) {
 void Executive::gate(Tick& tick, tiller_command_t& command) {
   double hold[TILLER_MAX_INPUTS] = {};
   command = tiller_command_t{};
-  if (moving()) {
-    hold_command(hold);
-    const double* wanted = machine_.state() == tiller_state_hold ? hold : tick.wanted;
-    tick.note(gate_.pass(wanted, hold, tick.elapsed_s, command.value));
-  } else {
-    gate_.send_safe(command.value);
-  }
+  if (moving()) hold_command(hold);
+  const tiller_status_t limited = gate_.answer(machine_, tick.wanted, hold, tick.elapsed_s, command.value);
+  if (limited != tiller_status_ok) tick.note(limited);
   if (machine_.first_fault() != tiller_status_ok) {
     // HOLD and SAFE: what led there is why the command is what it is
     tick.status = machine_.first_fault();

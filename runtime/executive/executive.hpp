@@ -141,7 +141,7 @@ class Executive {
   // gate
   std::int64_t effective_at_us(const Tick& tick) const;
 
-  bool moving() const { return machine_.state() == tiller_state_active || machine_.state() == tiller_state_hold; }
+  bool moving() const { return machine_.moves(); }
   bool standing_by() const { return machine_.state() == tiller_state_init || machine_.state() == tiller_state_standby; }
   bool has_clock() const { return hooks_.now_ns != nullptr; }
   std::int64_t clock_ns() const { return has_clock() ? hooks_.now_ns(hooks_.context) : 0; }

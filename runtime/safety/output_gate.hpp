@@ -3,6 +3,8 @@
 #include <cstdint>
 
 #include "core/input_cone.hpp"
+#include "safety/answer.h"
+#include "safety/state_machine.hpp"
 #include "tiller/tiller.h"
 
 namespace tiller {
@@ -25,6 +27,9 @@ struct GateLimits {
 /// Each input is cut to its limits and its rate by itself, and what is then outside a cone goes onto it as
 /// core/input_cone.hpp has it. Within a cone means the inequality in doubles, as they come out.
 ///
+/// What decides is safety/gate.c, which is proven (docs/safety/proof.md). Cones are not proven: what they make of a
+/// command goes out only if limits and rates hold.
+///
 /// The rate limit binds commands that move the robot. The safe command is exempt and goes out at once: a
 /// limit that spares a gearbox must not keep a motor pushing after tiller has decided to stop. (The
 /// alternative, a ramp, lets a slow rate limit hold full torque for seconds in SAFE.)
@@ -44,26 +49,25 @@ class OutputGate {
   tiller_status_t pass(const double* wanted, const double* fallback, double elapsed_s, double* out);
 
   /// The safe command at once, whatever the rate limit says.
-  void send_safe(double* out);
+  void send_safe(double* out) { tiller_gate_send_safe(&gate_, out); }
+
+  /// The command of a tick (nu) in the machine's state: `planned` or, in HOLD, `hold`, as pass has it; else the safe one.
+  tiller_status_t answer(const StateMachine& machine, const double* planned, const double* hold, double elapsed_s,
+                         double* out);
 
   /// The command in force, (nu). Before the first one: the safe command.
-  const double* last() const { return last_; }
+  const double* last() const { return gate_.last; }
 
-  std::uint64_t cuts() const { return cuts_; }              ///< calls that cut a command to a limit
-  std::uint64_t rejections() const { return rejections_; }  ///< calls that met NaN or an infinity
+  std::uint64_t cuts() const { return gate_.cuts; }              ///< calls that cut a command to a limit
+  std::uint64_t rejections() const { return gate_.rejections; }  ///< calls that met NaN or an infinity
 
  private:
-  bool all_finite(const double* command) const;
   bool cones_fit() const;
-  double step_of(std::uint32_t i, double elapsed_s) const;
-  bool differs(const double* a, const double* b) const;
-  tiller_status_t limit_input(std::uint32_t i, double elapsed_s, double& value) const;
-  tiller_status_t limit_cones(double elapsed_s, double* command) const;
+  /// For the core: null where there are none.
+  const tiller_gate_cones_t* cones() const;
 
-  GateLimits limits_;
-  double last_[TILLER_MAX_INPUTS] = {};
-  std::uint64_t cuts_ = 0;
-  std::uint64_t rejections_ = 0;
+  tiller_gate_t gate_{};
+  InputCones cones_;
 };
 
 }  // namespace tiller
