@@ -22,67 +22,83 @@ GOAL_PERCENT = 95.0
 
 # (file, what stands there once, what takes its place)
 LINES = [
-    ("output_gate", "if (!(rate_per_s > 0.0)) return 0.0;", "if (rate_per_s < 0.0) return 0.0;"),
-    ("output_gate", "if (std::isinf(rate_per_s)) return rate_per_s;", "if (std::isinf(rate_per_s)) return 0.0;"),
-    ("output_gate", "std::min(elapsed_s + kStampGrain_s, period_s)", "std::max(elapsed_s + kStampGrain_s, period_s)"),
-    ("output_gate", "std::min(elapsed_s + kStampGrain_s, period_s)", "elapsed_s"),
-    ("output_gate", "std::min(elapsed_s + kStampGrain_s, period_s)", "period_s"),
-    ("output_gate", "elapsed_s > 0.0 ?", "true ?"),
-    ("output_gate", "elapsed_s > 0.0 ?", "elapsed_s < 0.0 ?"),
-    ("output_gate", "return time_s > 0.0 ? rate_per_s * time_s : 0.0;", "return rate_per_s;"),
-    ("output_gate", "std::min<std::uint32_t>(limits.count, TILLER_MAX_INPUTS)", "1"),
-    ("output_gate", "if (!std::isfinite(safe)) safe = 0.0;", ""),
-    ("output_gate", "!std::isfinite(low) || ", ""),
-    ("output_gate", "!std::isfinite(high) || ", ""),
-    ("output_gate", " || low > high) low", ") low"),
-    ("output_gate", "low = high = safe;", "low = high = 0.0;"),
-    ("output_gate", "safe = std::clamp(safe, low, high);", ""),
-    ("output_gate", "std::copy(limits_.safe_command, limits_.safe_command + TILLER_MAX_INPUTS, last_)",
-     "std::fill(last_, last_ + TILLER_MAX_INPUTS, 0.0)"),
-    ("output_gate", "if (limits_.cones.count > 0)", "if (false)"),
-    ("output_gate", "if (command == nullptr) return false;", "if (command == nullptr) return true;"),
-    ("output_gate", "if (!std::isfinite(command[i])) return false;", "if (std::isnan(command[i])) return false;"),
-    ("output_gate", "if (!std::isfinite(command[i])) return false;", "if (std::isinf(command[i])) return false;"),
-    ("output_gate", "const double within = std::clamp(wanted, low, high);", "const double within = wanted;"),
-    ("output_gate", "const double within = std::clamp(wanted, low, high);",
-     "const double within = std::max(wanted, low);"),
-    ("output_gate", "const double within = std::clamp(wanted, low, high);",
-     "const double within = std::min(wanted, high);"),
-    ("output_gate", "std::max(low, last_[i] - step)", "low"),
-    ("output_gate", "std::min(high, last_[i] + step)", "high"),
-    ("output_gate", "std::max(low, last_[i] - step)", "std::max(low, last_[i] - 1.01 * step)"),
-    ("output_gate", "std::min(high, last_[i] + step)", "std::min(high, last_[i] + 1.01 * step)"),
-    ("output_gate", "> tolerance) return tiller_status_command_limited;",
-     "> tolerance) return tiller_status_rate_limited;"),
-    ("output_gate", "std::abs(within - value) > tolerance", "std::abs(within - value) < tolerance"),
-    ("output_gate", "kRounding = 1e-6", "kRounding = 0.0"),
-    ("output_gate", "usable ? wanted : all_finite(fallback)", "usable ? wanted : true"),
-    ("output_gate", "usable ? wanted : all_finite(fallback) ? fallback :", "usable ? wanted :"),
-    ("output_gate", "const bool usable = all_finite(wanted);", "const bool usable = true;"),
-    ("output_gate", "if (status == tiller_status_ok) status = limited;", "status = limited;"),
-    ("output_gate", "if (status != tiller_status_ok) ++cuts_;", "++cuts_;"),
-    ("output_gate", "    ++rejections_;", ""),
-    ("output_gate", "    status = tiller_status_command_not_finite;", ""),
-    ("output_gate", "  std::copy(out, out + limits_.count, last_);\n  return status;", "  return status;"),
-    ("output_gate", "out);\n  std::copy(out, out + limits_.count, last_);\n}", "out);\n}"),
-    ("output_gate", "std::copy(limits_.safe_command, limits_.safe_command + limits_.count, out);",
-     "std::copy(last_, last_ + limits_.count, out);"),
+    ("gate", "if (!(rate_per_s > 0.0)) return 0.0;", "if (rate_per_s < 0.0) return 0.0;"),
+    ("gate", "if (rate_per_s > DBL_MAX) return rate_per_s;", "if (rate_per_s > DBL_MAX) return 0.0;"),
+    ("gate", "if (!(elapsed_s > 0.0)) return 0.0;", ""),
+    ("gate", "if (!(elapsed_s > 0.0)) return 0.0;", "if (elapsed_s > 0.0) return 0.0;"),
+    ("gate", "time_s = elapsed_s + kStampGrain_s;", "time_s = period_s;"),
+    ("gate", "if (!(period_s < time_s)) return", "if (period_s < time_s) return"),
+    ("gate", "if (!(period_s < time_s)) return", "return"),
+    ("gate", "times(rate_per_s, period_s) : 0.0", "rate_per_s : 0.0"),
+    ("gate", "x >= -DBL_MAX && ", ""),
+    ("gate", " && x <= DBL_MAX", ""),
+    ("gate", "if (g->count > TILLER_MAX_INPUTS) g->count = TILLER_MAX_INPUTS;", "g->count = 1;"),
+    ("gate", "if (!is_finite(*safe)) *safe = 0.0;", ""),
+    ("gate", "!is_finite(*low) || ", ""),
+    ("gate", "!is_finite(*high) || ", ""),
+    ("gate", " || *low > *high) *low", ") *low"),
+    ("gate", "*low = *high = *safe;\n", "*low = *high = 0.0;\n"),
+    ("gate", "*safe = brought_in(*safe, *low, *high);", ""),
+    ("gate", "    g->last[i] = g->safe_command[i];\n  }\n}\n\ndouble", "  }\n}\n\ndouble"),
+    ("gate", "if (g->low[i] <= safe[i] && safe[i] <= g->high[i]) g->safe", "if (safe[i] <= g->high[i]) g->safe"),
+    ("gate", "if (g->low[i] <= safe[i] && safe[i] <= g->high[i]) g->safe", "if (g->low[i] <= safe[i]) g->safe"),
+    ("gate", "if (g->low[i] <= safe[i] && safe[i] <= g->high[i]) g->safe", "if (false) g->safe"),
+    ("gate", "if (cones != NULL)", "if (false)"),
+    ("gate", "if (command == NULL) return false;", "if (command == NULL) return true;"),
+    ("gate", "if (!is_finite(command[i])) return false;", "if (command[i] != command[i]) return false;"),
+    ("gate", "if (!is_finite(command[i])) return false;", "if (command[i] - command[i] != 0.0) return true;"),
+    ("gate", "if (!(x >= low)) return low;", ""),
+    ("gate", "return high < x ? high : x;", "return x;"),
+    ("gate", "low < down ? down : low", "low"),
+    ("gate", "up < high ? up : high", "high"),
+    ("gate", "return last - step;", "return last - 1.01 * step;"),
+    ("gate", "return last + step;", "return last + 1.01 * step;"),
+    ("gate", "tolerance)) return tiller_status_command_limited;", "tolerance)) return tiller_status_rate_limited;"),
+    ("gate", "return apart(within, value, tolerance) ?", "return !apart(within, value, tolerance) ?"),
+    ("gate", "a - b > tolerance || ", ""),
+    ("gate", " || b - a > tolerance", ""),
+    ("gate", "kRounding = 1e-6", "kRounding = 0.0"),
+    ("gate", "} else if (all_finite(fallback, g->count)) {", "} else if (true) {"),
+    ("gate", "} else if (all_finite(fallback, g->count)) {", "} else if (false) {"),
+    ("gate", "const bool usable = all_finite(wanted, g->count);", "const bool usable = true;"),
+    ("gate", "if (status == tiller_status_ok) status = told", "status = told"),
+    ("gate", "if (status == tiller_status_ok) status = by_cones;", "status = by_cones;"),
+    ("gate", "if (status != tiller_status_ok) ++g->cuts;", "++g->cuts;"),
+    ("gate", "  ++g->rejections;\n", ""),
+    ("gate", "  return tiller_status_command_not_finite;\n}\n\nvoid", "  return status;\n}\n\nvoid"),
+    ("gate", "  keep(g, out);\n", ""),
+    ("gate", "if (!all_admissible(g, elapsed_s, u)) {", "if (false) {"),
+    ("gate", "if (!all_admissible(g, elapsed_s, u)) {", "if (true) {"),
+    ("gate", "g->last[i] = out[i] = g->safe_command[i];", "out[i] = g->safe_command[i];"),
+    ("gate", "g->last[i] = out[i] = g->safe_command[i];", "out[i] = g->last[i];"),
+    ("gate", "{ *low = *high = *last = *safe; }", "{ (void)low, (void)high, (void)last, (void)safe; }"),
+    ("output_gate", "if (!cones_fit())", "if (false)"),
+    ("output_gate", "shrink_to_cones(cones_, safe);", ""),
+    ("output_gate", "cones_.count > 0 ? ", "cones_.count > 1 ? "),
+    ("output_gate", "|| cone.slope < 0.0)", ")"),
+    ("output_gate", "if (!(cone_radius(cone, gate_.low) >= 0.0)) return false;", ""),
+    ("output_gate", "!(gate_.low[i] <= 0.0 && ", "!("),
 
-    ("state_machine", "if (next == kRefused) return tiller_status_wrong_state;", ""),
-    ("state_machine", "if (next == kRefused) return tiller_status_wrong_state;",
+    ("answer", "if (!tiller_machine_moves(m))", "if (false)"),
+    ("answer", "if (!tiller_machine_moves(m))", "if (!m->armed)"),
+    ("answer", "if (m->state == tiller_state_hold) return", "if (false) return"),
+    ("answer", "planned, hold, elapsed_s", "planned, planned, elapsed_s"),
+
+    ("machine", "if (next == kRefused) return tiller_status_wrong_state;", ""),
+    ("machine", "if (next == kRefused) return tiller_status_wrong_state;",
      "if (next == kRefused) return tiller_status_ok;"),
-    ("state_machine", "state_ = static_cast<tiller_state_t>(next);", ""),
-    ("state_machine", "if (event == Event::arm) armed_ = true;", ""),
-    ("state_machine", "if (event == Event::arm) armed_ = true;", "armed_ = true;"),
-    ("state_machine", "event == Event::disarm || ", ""),
-    ("state_machine", "event == Event::reset || ", ""),
-    ("state_machine", " || state_ == tiller_state_safe) armed_ = false;", ") armed_ = false;"),
-    ("state_machine", "state_ == tiller_state_hold || ", ""),
-    ("state_machine", "tiller_state_hold || state_ == tiller_state_safe;", "tiller_state_hold;"),
-    ("state_machine", "if (!at_fault) first_fault_ = tiller_status_ok;", ""),
-    ("state_machine", "if (at_fault && first_fault_ == tiller_status_ok) first_fault_ = why;",
-     "if (at_fault) first_fault_ = why;"),
-    ("state_machine", "if (at_fault && first_fault_ == tiller_status_ok) first_fault_ = why;", ""),
+    ("machine", "m->state = (tiller_state_t)next;", ""),
+    ("machine", "if (event == tiller_event_arm) m->armed = true;", ""),
+    ("machine", "if (event == tiller_event_arm) m->armed = true;", "m->armed = true;"),
+    ("machine", "event == tiller_event_disarm || ", ""),
+    ("machine", "event == tiller_event_reset || ", ""),
+    ("machine", " || m->state == tiller_state_safe) m->armed = false;", ") m->armed = false;"),
+    ("machine", "at_fault = m->state == tiller_state_hold || ", "at_fault = "),
+    ("machine", "tiller_state_hold || m->state == tiller_state_safe;", "tiller_state_hold;"),
+    ("machine", "if (!at_fault) m->first_fault = tiller_status_ok;", ""),
+    ("machine", "if (at_fault && m->first_fault == tiller_status_ok) m->first_fault = why;",
+     "if (at_fault) m->first_fault = why;"),
+    ("machine", "if (at_fault && m->first_fault == tiller_status_ok) m->first_fault = why;", ""),
 
     ("sensor_guard", "clocked_ && now_us < now_us_;", "false;"),
     ("sensor_guard", "still_us_ += limits_.ahead_us;", ""),
@@ -119,16 +135,16 @@ def table_mutants(text):
         for i, entry in enumerate(entries):
             other = "kActive" if entry in ("kSafe", "kRefused") else "kSafe"
             changed = entries[:i] + [other] + entries[i + 1:]
-            yield (f"state_machine: {row[1]}, event {i}: {entry} -> {other}", "state_machine",
+            yield (f"machine: {row[1]}, event {i}: {entry} -> {other}", "machine",
                    text[:row.start(2)] + ", ".join(changed) + text[row.end(2):])
 
 
 def all_mutants():
-    texts = {p.stem: p.read_text(encoding="utf-8") for p in SAFETY.glob("*.cpp")}
-    mutants = list(table_mutants(texts["state_machine"]))
+    texts = {p.stem: p.read_text(encoding="utf-8") for p in SAFETY.glob("*.c*")}
+    mutants = list(table_mutants(texts["machine"]))
     for name, old, new in LINES:
         if texts[name].count(old) < 1:
-            sys.exit(f"mutants: {name}.cpp no longer holds: {old!r}")
+            sys.exit(f"mutants: {name} no longer holds: {old!r}")
         what = f"{name}: {' '.join(old.split())} -> {' '.join(new.split()) or 'nothing'}"
         mutants.append((what, name, texts[name].replace(old, new, 1)))
     return texts, mutants
@@ -140,21 +156,23 @@ class Bench:
     def __init__(self, folder, sources):
         self.folder = pathlib.Path(folder)
         self.compiler = os.environ.get("CXX", "c++")
-        self.flags = ["-std=c++17", "-O1", f"-I{ROOT}", f"-I{ROOT / 'runtime'}", f"-I{ROOT / 'runtime/include'}"]
-        self.objects = {name: self.compile(SAFETY / f"{name}.cpp", name) for name in sources}
+        self.commands = {".cpp": [self.compiler, "-std=c++17"], ".c": [os.environ.get("CC", "cc"), "-std=c99"]}
+        self.flags = ["-O1", f"-I{ROOT}", f"-I{ROOT / 'runtime'}", f"-I{ROOT / 'runtime/include'}"]
+        self.suffixes = {p.stem: p.suffix for p in SAFETY.glob("*.c*")}
+        self.objects = {name: self.compile(SAFETY / (name + self.suffixes[name]), name) for name in sources}
         self.others = [self.compile(path, path.stem) for path in
                        [*sorted((ROOT / "tests/safety").glob("*_test.cpp")), *sorted((ROOT / "runtime/core").glob("*.cpp"))]]
 
     def compile(self, path, name):
         out = self.folder / f"{name}.o"
-        done = subprocess.run([self.compiler, *self.flags, "-c", path, "-o", out], capture_output=True, text=True,
+        done = subprocess.run([*self.commands[path.suffix], *self.flags, "-c", path, "-o", out], capture_output=True, text=True,
                               check=False)
         if done.returncode != 0:
             raise ValueError(done.stderr)
         return out
 
     def tests_pass(self, name, text):
-        path = self.folder / "mutant.cpp"
+        path = self.folder / f"mutant{self.suffixes[name]}"
         path.write_text(text, encoding="utf-8")
         objects = {**self.objects, name: self.compile(path, "mutant")}
         program = self.folder / "tests"
