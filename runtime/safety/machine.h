@@ -90,6 +90,7 @@ tiller_status_t tiller_machine_on(tiller_machine_t* m, tiller_event_t event, til
     assigns m->state, m->first_fault, m->armed;
     ensures orderly(m);
     ensures moves(m->state) ==> \old(m->armed);
+    ensures m->armed ==> \old(m->armed);
     ensures \old(m->state) == tiller_state_safe ==> m->state == tiller_state_safe;
 */
 void tiller_machine_measured(tiller_machine_t* m);
