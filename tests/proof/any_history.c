@@ -41,8 +41,8 @@ static void any_event(tiller_machine_t* m, int event, int why) {
     assigns *g, *m, planned[0 .. TILLER_MAX_INPUTS - 1], hold[0 .. TILLER_MAX_INPUTS - 1],
             out[0 .. TILLER_MAX_INPUTS - 1];
 */
-void any_history(tiller_gate_t* g, const tiller_gate_cones_t* cones, tiller_machine_t* m, double* planned,
-                 double* hold, double* out) {
+void any_history(tiller_gate_t* g, const tiller_gate_cones_t* cones, tiller_machine_t* m, double* planned, double* hold,
+                 double* out) {
   bool latched = false;
   bool permitted = false;
   m->state = tiller_state_init;

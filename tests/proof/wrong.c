@@ -59,6 +59,4 @@ void stays_armed(tiller_machine_t* m) {
     assigns *m;
     ensures wrong: m->state == tiller_state_safe ==> event == tiller_event_stop;
 */
-void forgets_sensors(tiller_machine_t* m, tiller_event_t event) {
-  (void)tiller_machine_on(m, event, tiller_status_ok);
-}
+void forgets_sensors(tiller_machine_t* m, tiller_event_t event) { (void)tiller_machine_on(m, event, tiller_status_ok); }

@@ -39,7 +39,7 @@ def frama_c(arguments):
     """What Frama-C prints. Why3 finds z3 behind z3_doubles.py, by a configuration of its own."""
     OUT.mkdir(parents=True, exist_ok=True)
     config = OUT / "why3.conf"
-    environment = {**os.environ, "WHY3CONFIG": str(config)}
+    environment = {**os.environ, "WHY3CONFIG": str(config), "PWD": str(ROOT)}
     if not config.exists():
         subprocess.run(["why3", "config", "detect"], env=environment, check=True, capture_output=True)
         text = config.read_text(encoding="utf-8")
