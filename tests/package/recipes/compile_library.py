@@ -22,11 +22,12 @@ def main(library, out, jobs, prefix, *board):
 
     def compiled(source):
         made = out / (source.stem + ".o")
-        command = [f"{prefix}g++", *flags, *board, "-c", str(source.relative_to(library)), "-o", str(made)]
+        compiler = "gcc" if source.suffix == ".c" else "g++"
+        command = [f"{prefix}{compiler}", *flags, *board, "-c", str(source.relative_to(library)), "-o", str(made)]
         done = subprocess.run(command, cwd=library, capture_output=True, text=True, check=False)
         return made, done.returncode, done.stderr
 
-    sources = sorted((library / build["srcDir"]).glob("*.cpp"))
+    sources = sorted(p for p in (library / build["srcDir"]).iterdir() if p.suffix in (".c", ".cpp"))
     with concurrent.futures.ThreadPoolExecutor(int(jobs)) as pool:
         done = list(pool.map(compiled, sources))
     failed = [f"{made.stem}: {said}" for made, code, said in done if code != 0]

@@ -31,7 +31,8 @@ def configured(root, build, options):
     lists = [f"-DTILLER_{name.upper()}={getattr(options, name).replace(',', ';')}"
              for name in ("models", "planners", "posteriors", "limits")]
     command = ["cmake", "-S", root, "-B", build, "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release", "-DTILLER_WITH_OSQP=OFF",
-               "-DCMAKE_CXX_FLAGS_RELEASE=-Os -DNDEBUG", "-DTILLER_KERNEL_OPTIMISATION=-Os",
+               "-DCMAKE_C_FLAGS_RELEASE=-Os -DNDEBUG", "-DCMAKE_CXX_FLAGS_RELEASE=-Os -DNDEBUG",
+               "-DTILLER_KERNEL_OPTIMISATION=-Os",
                "-DTILLER_REPRODUCIBLE=ON", f"-DTILLER_C_MODELS={'OFF' if options.no_c_models else 'ON'}", *off, *lists]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:
