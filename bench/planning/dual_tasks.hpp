@@ -11,8 +11,8 @@
 
 namespace tiller::bench {
 
-/// How a controller deals with what it does not know. The noisy one follows a reference that jitters. Tasks and planners
-/// were chosen on seeds 1001..1020.
+/// How a controller deals with what it does not know. The noisy one follows a reference that jitters. Tasks and
+/// planners were chosen on seeds 1001..1020.
 enum class Manner { passive, certain, tree, noise, probing, oracle };
 constexpr Manner kManners[] = {Manner::passive, Manner::certain, Manner::tree,
                                Manner::noise,   Manner::probing, Manner::oracle};

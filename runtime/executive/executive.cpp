@@ -37,9 +37,11 @@ tiller_status_t Executive::tick(std::int64_t now_us, const tiller_measurement_t*
 
 /// The deadline is the tick's: the planner's ends earlier by what the way back from a rollout, the gate and the record
 /// take. 127 of 128 ticks take less: up by 127/128 of a step after one that takes more, else down by 1/128. A step is a
-/// sixteenth, so that what the machine steals once takes little from all ticks after it.
+/// sixteenth, so that what the machine steals once takes little from all ticks after it. A plan without an iteration
+/// needs that time more: a deadline that is kept by having no plan is none.
 void Executive::keep_reserve(const Tick& tick) {
   if (tick.planned_ns == 0 || config_.planner.deadline_us == 0) return;
+  if (tick.iterations == 0) return void(reserve_ns_ /= 2);
   const std::int64_t took_ns = clock_ns() - tick.planned_ns + tick.late_ns;
   const std::int64_t most_ns = std::int64_t{config_.planner.deadline_us} * 500;
   if (reserve_ns_ == 0) reserve_ns_ = std::min(took_ns, most_ns / 4);

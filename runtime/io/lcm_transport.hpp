@@ -72,8 +72,8 @@ extern const tiller_transport_t kLcmTransport;
 /// takes milliseconds here, and seconds where multicast does not work.
 [[nodiscard]] tiller_status_t lcm_transport_open(LcmTransport* transport, const LcmOptions& options, OpenError* error);
 
-/// Telemetry of the controller, and behind it the forces beyond the model and what it does to find out, if there are any. Cost: one
-/// encode of 700 bytes and one sendto; the forces are one more, of at most 300 bytes.
+/// Telemetry of the controller, and behind it the forces beyond the model and what it does to find out, if there are
+/// any. Cost: one encode of 700 bytes and one sendto; each of the others is one more, of at most 300 bytes.
 tiller_status_t lcm_send_telemetry(LcmTransport* transport, std::int64_t stamp_us, const tiller_info_t& info,
                                    std::uint32_t state_count, std::uint32_t param_count, const LogState& log = {});
 

@@ -610,6 +610,7 @@ ProbeResult Prober::search(const ProbeTask& task) {
   std::copy(had ? best_ : task.sequence, (had ? best_ : task.sequence) + length(), last);
   has_best_ = false;
   for (std::uint32_t first = 0; first < config_->probe.rollouts; first += kBatch) {
+    // one batch a tick is enough for a motion that is planned anew in each: widely and finely in turn
     const bool refines = calibrates_ && had && request.tick % 2 == 1;
     for (std::uint32_t l = 0; l < kBatch; ++l)
       draw(rng, l, refines || (l % 2 == 1 && had) ? last : task.sequence, refines ? kRefined : 1.0);

@@ -58,9 +58,9 @@ struct ProbeResult {
 ///
 /// Where never to learn would cost nothing much, the planner's sequence stands. R sequences are tried: around the
 /// planner's, around the last one that was found, and as if one of the hypotheses were true. The best that keeps the
-/// bounds of states with 1 - risk, and adds no more than is allowed, goes out where it saves enough, and goes on for as
-/// long as it saves anything. Nothing is simulated within a simulation. A calibration has no regrets: it chooses the largest
-/// information in its box.
+/// bounds of states with 1 - risk, and adds no more than is allowed, goes out where it saves enough, and goes on
+/// for as long as it saves anything. Nothing is simulated within a simulation. A calibration has no regrets: it chooses
+/// the largest information in its box.
 class Prober {
  public:
   /// `config` and what it points to outlive the prober, as do `setup` and `table`. Null arrays while the arena

@@ -73,6 +73,9 @@ TEST(Plan, TheDeadlineIsTheTicksSoThePlannersIsEarlier) {
   }
   EXPECT_LE(over, 6) << "one of 128";
   EXPECT_GT(least, 980000) << "and no more time than that is given away";
+  fakes::planner.result = {tiller_status_ok, 0, 0.0};
+  for (int k = 0; k < 4; ++k) (void)b.tick();
+  EXPECT_GT(b.executive->info().tick_ns, 1000000) << "a plan without an iteration gets the time back";
 }
 
 TEST(Plan, BeginsWhereTheRobotWillBeWhenTheCommandTakesHold) {

@@ -96,8 +96,9 @@ bool settle_rest(const Arguments& a, const RobotFile& robot, Answers& answers) {
                 limits_text(robot), with(read_limits)) &&
          settle("--period", a.period, "4. Period of the control loop in s", number_text(robot.config.period_s),
                 with(read_period)) &&
-         settle("--transport", a.transport, "5. Transport to the robot: " + join(transport_words()) + ", or none for simulation alone",
-                transport, with(read_transport));
+         settle("--transport", a.transport,
+                "5. Transport to the robot: " + join(transport_words()) + ", or none for simulation alone", transport,
+                with(read_transport));
 }
 
 int new_command(const Arguments& a) {

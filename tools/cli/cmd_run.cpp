@@ -119,11 +119,11 @@ int report_run(const Arguments& a, const RobotFile& robot, const RunResult& resu
 std::vector<double> run_without_probing(const Arguments& a, const RobotFile& robot, RunOptions options,
                                         const RunResult& probed) {
   const bool repeatable = a.sim && !a.real_time && a.episodes == 1 && !a.refits() && options.goal_source == nullptr;
-  if (a.report.empty() || !repeatable || !(robot.config.probe.weight > 0.0) || probed.exit_code != kExitOk) return {};
+  if (a.report.empty() || !repeatable || !(robot.config.probe.weight > 0.0)) return {};
+  if (probed.exit_code != kExitOk || probed.interrupted) return {};
   RobotFile without = robot;
   without.config.probe.weight = 0.0;
   options.files = {};
-  options.quiet = true;
   options.calibrate = false;
   options.arm_sources.clear();
   Opened opened;
@@ -131,7 +131,7 @@ std::vector<double> run_without_probing(const Arguments& a, const RobotFile& rob
   if (!open_link(a, without, opened, error)) return {};
   if (!a.quiet) std::printf("the same run without probing, for the page ...\n");
   const RunResult result = run_robot(without, *opened.link, options);
-  if (result.exit_code != kExitOk) return {};
+  if (result.exit_code != kExitOk || result.interrupted) return {};
   return {result.info.param_sd, result.info.param_sd + robot.config.param_count};
 }
 

@@ -9,8 +9,8 @@
 
 namespace tiller_ros2_control {
 
-/// A ros2_control controller around tiller_tick. The robot file is compiled in (`tiller export`, see CMakeLists.txt); the
-/// parameters say which interfaces of the hardware its measurements and inputs are:
+/// A ros2_control controller around tiller_tick. The robot file is compiled in (`tiller export`, see CMakeLists.txt);
+/// the parameters say which interfaces of the hardware its measurements and inputs are:
 ///
 ///     state_interfaces: ["shoulder/position", "elbow/position"]   in the order of [measurement]
 ///     command_interfaces: ["shoulder/effort", "elbow/effort"]     in the order of the model's inputs

@@ -274,8 +274,9 @@ typedef struct tiller_planner_config {
 } tiller_planner_config_t;
 
 /** Probing: plans that spend on finding out what the task will need to know (dual control). Beside every plan the
- *  prober looks for one that costs little more and tells the hypotheses apart before they want different inputs. It is
- *  sent in the plan's place while what it is expected to save is more than what it costs. See docs/theory/probing.md. */
+ *  prober looks for one that costs little more and tells the hypotheses apart before they want different inputs. It
+ *  is sent in the plan's place while what it is expected to save is more than what it costs. See
+ *  docs/theory/probing.md. */
 typedef struct tiller_probe_config {
   double weight;       /**< of the expected saving against the cost; 1: as the horizon shows it; 0: no prober;
                             TILLER_SMALLEST_WEIGHT: a prober for calibrations alone; weights */

@@ -61,14 +61,14 @@ struct ActiveSet {
   bool roll(bool clip) {
     for (std::size_t i = 0; i < s; ++i) at.x[i] = qp.start[i];
     w.kernel->roll(qp.lq, f, at.x, at.u);
-    double size = 0.0;
     std::size_t first = N;  // stage whose inputs leave their bounds
     for (std::size_t row = N * m; row-- > 0;) {
-      size += std::fabs(at.u[row]);
       w.wish[row] = beyond(row, at.u[row]);
       if (w.wish[row] != 0) first = row / m;
     }
     if (clip) roll_clipped(first);
+    double size = 0.0;
+    for (std::size_t row = 0; row < N * m; ++row) size += std::fabs(at.u[row]);
     return std::isfinite(size);
   }
   std::int8_t beyond(std::size_t row, double u) const {
