@@ -6,6 +6,7 @@
 #include "tools/explain/evidence.hpp"
 #include "tools/explain/happenings.hpp"
 #include "tools/explain/remedies.hpp"
+#include "tools/robot/in_motion.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -78,7 +79,7 @@ std::string overran_text(const tiller_config_t& config, const RecordedRun& run, 
 /// Of all ticks in which the robot moved.
 std::string share_text(const RecordedRun& run, std::size_t ticks) {
   const auto moved = std::count_if(run.entries.begin(), run.entries.end(), [](const RecordEntry& e) {
-    return e.record.command.state == tiller_state_active || e.record.command.state == tiller_state_hold;
+    return in_motion(e.record.command.state);
   });
   return format("%zu of %zu ticks in motion", ticks, static_cast<std::size_t>(std::max<std::ptrdiff_t>(moved, 1)));
 }
@@ -119,7 +120,7 @@ std::string missing_text(const RobotFile& robot, const RecordedRun& run, const H
 /// Whether the robot was never let go.
 bool never_moved(const RecordedRun& run) {
   return std::none_of(run.entries.begin(), run.entries.end(), [](const RecordEntry& e) {
-    return e.record.command.state == tiller_state_active || e.record.command.state == tiller_state_hold;
+    return in_motion(e.record.command.state);
   });
 }
 

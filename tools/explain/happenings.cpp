@@ -4,11 +4,10 @@
 #include <cmath>
 
 #include "tools/explain/evidence.hpp"
+#include "tools/robot/in_motion.hpp"
 
 namespace tiller::tools {
 namespace {
-
-bool moves(std::uint32_t state) { return state == tiller_state_active || state == tiller_state_hold; }
 
 bool is_of_sensors(tiller_status_t status) {
   return status >= tiller_status_sensor_stale && status <= tiller_status_time_backwards;
@@ -103,8 +102,8 @@ class Walk {
 
   /// Commands that stand at a limit: the planner's own choice, or the gate's.
   void note_command() {
-    if (!moves(state())) return;
-    const bool moved_before = at_ > 0 && moves(run_.entries[at_ - 1].record.command.state);
+    if (!in_motion(state())) return;
+    const bool moved_before = at_ > 0 && in_motion(run_.entries[at_ - 1].record.command.state);
     const tiller_safety_config_t& limits = config_.safety;
     for (std::size_t i = 0; i < robot_.names.inputs.size(); ++i) {
       const double grain = 1e-6 * (limits.input_high[i] - limits.input_low[i]);  // as the gate's

@@ -10,6 +10,7 @@
 
 #include "tools/logs/lcm_messages.hpp"
 #include "tools/logs/recorded_run.hpp"
+#include "tools/robot/in_motion.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -221,8 +222,6 @@ void find_lost_messages(const RobotFile& robot, const std::vector<Answer>& ticks
   }
 }
 
-bool moves(std::uint32_t state) { return state == tiller_state_active || state == tiller_state_hold; }
-
 /// What `tiller run` does between two ticks, as the state before and after shows it: prepares after each, arms,
 /// disarms, and stops on a fault of the transport; a calibration that begins has more periods left than one that goes on.
 void add_calls(const Answer& answer, bool first, std::uint32_t before, std::int32_t periods_before,
@@ -233,8 +232,8 @@ void add_calls(const Answer& answer, bool first, std::uint32_t before, std::int3
     calls |= std::uint32_t{tiller_call_calibrate} << shift;
     shift += 4;
   }
-  if (moves(state) && !moves(before)) calls |= std::uint32_t{tiller_call_arm} << shift;
-  if (moves(before) && state == tiller_state_standby) calls |= std::uint32_t{tiller_call_disarm} << shift;
+  if (in_motion(state) && !in_motion(before)) calls |= std::uint32_t{tiller_call_arm} << shift;
+  if (in_motion(before) && state == tiller_state_standby) calls |= std::uint32_t{tiller_call_disarm} << shift;
   const bool stopped = answer.told && state == tiller_state_safe && before != tiller_state_safe &&
                        is_told_by_the_host(answer.telemetry.first_fault);
   if (stopped) {

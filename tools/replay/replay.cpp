@@ -10,6 +10,7 @@
 #include "tiller/config.hpp"
 #include "tools/logs/run_log.hpp"
 #include "tools/robot/calibration.hpp"
+#include "tools/robot/in_motion.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -20,8 +21,7 @@ struct FreeBlock {
 
 /// Periods that a calibration had which began before the tick: those left, and that of the tick where it moved.
 std::uint32_t periods_at(const RecordEntry& entry) {
-  const std::uint32_t state = entry.record.command.state;
-  return entry.probe.calibration_left + (state == tiller_state_active || state == tiller_state_hold ? 1 : 0);
+  return entry.probe.calibration_left + (in_motion(entry.record.command.state) ? 1 : 0);
 }
 
 /// Calls of the host on the controller before the tick, in their order. False: more than the record keeps.

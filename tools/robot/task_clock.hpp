@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "tiller/tiller.h"
+#include "tools/robot/in_motion.hpp"
 
 namespace tiller::tools {
 
@@ -13,7 +14,7 @@ class TaskClock {
  public:
   /// After each tick: its number and the state that it ended in. Empty while nothing moves.
   std::optional<std::uint64_t> step(std::uint64_t tick, tiller_state_t state) {
-    const bool moves = state == tiller_state_active || state == tiller_state_hold;
+    const bool moves = in_motion(state);
     if (moves && !moved_) first_ = tick;
     moved_ = moves;
     return moves ? std::optional(tick - first_) : std::nullopt;

@@ -1,6 +1,7 @@
 #include "tools/run/calibration.hpp"
 
 #include "tools/base/interval_text.hpp"
+#include "tools/robot/in_motion.hpp"
 
 namespace tiller::tools {
 
@@ -25,7 +26,7 @@ std::string CalibrationNews::of(const tiller_info_t& info) {
   }
   if (!began_ || info.calibration_left > 0) return "";
   ended_ = true;
-  if (info.state != tiller_state_active && info.state != tiller_state_hold) return "the calibration ended with motion";
+  if (!in_motion(info.state)) return "the calibration ended with motion";
   const double took_s = static_cast<double>(info.ticks - first_tick_) * robot_.config.period_s;
   return format("calibrated in %.1f s, the task begins", took_s) + parameters_text(info);
 }
