@@ -54,6 +54,7 @@ def forces(port, force):
         "gusts 5 s": of_joint("wind_gusts", port, force_SI=0.67 * force, correlation_s=5.0),
         "sine 0.2 Hz": of_joint("periodic_force", port, force_SI=force, frequency_Hz=0.2),
         "sine 1 Hz": of_joint("periodic_force", port, force_SI=force, frequency_Hz=1.0),
+        "shove": of_joint("shove", port, force_SI=force, begin_s=4.0, for_s=1.0),
         "Coulomb": of_joint("coulomb_friction", port, friction_SI=0.5 * force),
         "drifting friction": of_joint("friction_drift", port, friction_SI=0.5 * force, heat_J=1.0),
     }

@@ -11,6 +11,7 @@ Sections:
     mutants    one-line mistakes in gate, state machine and sensor guard: do the tests notice?
     loss       the pendulum over an emulated bus that loses and delays frames
     soak       24 hours at 100 Hz in lockstep, twice
+    events     the same while something happens every few seconds
     integrity  own frames: flips, losses, repetitions, order; keyed messages
     heap       no call to the heap after init
     buses      faults on real sockets from 20 seeds on two plants: queues, interfaces, gateway, processes; the tests over
@@ -158,6 +159,11 @@ def loss(args):
 @section("soak")
 def soak(args):
     return program(args, "soak", "--ticks", 100000 if args.quick else 8640000)
+
+
+@section("events")
+def events(args):
+    return program(args, "events", "--ticks", 16000 if args.quick else 8640000)
 
 
 @section("integrity of own frames and messages")

@@ -112,6 +112,26 @@ void soak(const Options& options, Table& table) {
   table.row("largest angle from upright", first.worst_angle_rad, "rad");
 }
 
+void events(const Options& options, Table& table) {
+  SoakCase eventful;
+  eventful.ticks = options.ticks;
+  eventful.eventful = true;
+  const SoakOutcome first = run_soak(eventful), second = run_soak(eventful);
+  table.heading("soak with events, lockstep at 100 Hz: clocks, silence, masses, pushes, bad readings and calls, stops");
+  table.row("ticks", static_cast<double>(first.ticks), "", at_least(1e8));
+  for (int i = 0; i < static_cast<int>(SoakEvent::count); ++i)
+    table.row(std::string("events: ") + name_of(static_cast<SoakEvent>(i)), static_cast<double>(first.events[i]), "");
+  table.row("resets after SAFE", static_cast<double>(first.resets), "");
+  table.row("times learnt again", static_cast<double>(first.relearned), "");
+  table.row("unsafe commands", static_cast<double>(first.unsafe), "", at_most(0));
+  table.row("not ACTIVE and upright 6 s after an event", static_cast<double>(first.unrecovered), "", at_most(0));
+  table.row("calls without a value that were not refused", static_cast<double>(first.taken), "", at_most(0));
+  table.row("ticks with a belief that is not finite", static_cast<double>(first.not_finite), "", at_most(0));
+  table.row("growth of the heap", static_cast<double>(first.heap_growth_bytes), "bytes", at_most(0));
+  table.row("growth of resident memory", static_cast<double>(first.resident_growth_bytes), "bytes", at_most(65536));
+  table.row("commands of the repeat that differ (hash)", first.hash == second.hash ? 0.0 : 1.0, "", at_most(0));
+}
+
 void integrity(const Options& options, Table& table) {
   const auto n = options.trials;
   const auto rows = [&](const char* what, const IntegrityRow& row) {
@@ -168,12 +188,13 @@ void loss(const Options& options, Table& table) {
 int usage() {
   std::fprintf(
       stderr,
-      "usage: bench_robot faults|gate|soak|integrity|loss [--seeds N] [--commands N] [--ticks N] [--trials N]\n"
+      "usage: bench_robot faults|gate|soak|events|integrity|loss [--seeds N] [--commands N] [--ticks N] [--trials N]\n"
       "         [--kind NAME] [--page FILE]\n"
       "  faults  every kind of fault from N seeds on two plants (20); --kind: one\n"
       "          alone; --page writes docs/evidence/faults.md's table\n"
       "  gate    N commands into the output gate (1e8)\n"
       "  soak    N ticks in lockstep, twice (8640000)\n"
+      "  events  the same while something happens every few seconds\n"
       "  integrity  own frames and messages damaged, repeated, replayed, N trials each (1e6)\n"
       "  loss    the pendulum over an emulated bus that loses frames (20 seeds)\n");
   return 2;
@@ -213,6 +234,8 @@ int run(int argc, char** argv) {
     gate(options, table);
   else if (options.section == "soak")
     soak(options, table);
+  else if (options.section == "events")
+    events(options, table);
   else if (options.section == "integrity")
     integrity(options, table);
   else if (options.section == "loss")

@@ -12,7 +12,30 @@ struct SoakCase {
   /// Where numbers begin: so that they wrap, and stamps pass 2^32 us, on the way.
   std::uint32_t first_sequence = 0;
   std::int64_t first_stamp_us = 1000000;
+  /// Something happens every few seconds (SoakEvent); what is believed is asked for in every tick, and the posterior
+  /// takes in a force and learns again. About 100 us a tick.
+  bool eventful = false;
 };
+
+/// What happens in an eventful soak, each for a while, the next some seconds later.
+enum class SoakEvent {
+  drifting_clock,   ///< the sensor's stamps fall behind by 0.7 %, then leap back
+  stamps_back,      ///< two readings carry stamps of five seconds ago
+  clocks_ahead,     ///< both clocks leap by an hour
+  clocks_back,      ///< both clocks leap back by a minute
+  short_silence,    ///< no reading for 50 ms
+  long_silence,     ///< none for half a second: SAFE, then somebody resets it
+  other_mass,       ///< the bob's mass is another from now on
+  push,             ///< a torque that the model lacks
+  not_a_number,     ///< one reading is NaN, the next infinite
+  spike,            ///< one reading is off by a radian
+  disarmed,         ///< by the host, for a second
+  stopped,          ///< by the host
+  other_goal,       ///< a few degrees beside upright
+  bad_calls,        ///< goals and inputs that are no values, in the middle of the run
+  count
+};
+const char* name_of(SoakEvent event);
 
 struct SoakOutcome {
   std::uint64_t ticks = 0;
@@ -25,6 +48,14 @@ struct SoakOutcome {
   std::int64_t resident_growth_bytes = 0;
   std::int64_t own_growth_bytes = 0;  ///< of that: not pages of the program's files
   double worst_angle_rad = 0.0;       ///< from upright, after the first second
+  // of an eventful soak
+  std::uint64_t events[static_cast<int>(SoakEvent::count)] = {};
+  std::uint64_t unsafe = 0;       ///< commands that are not finite, beyond a limit, or in SAFE not the safe one
+  std::uint64_t resets = 0;       ///< after SAFE
+  std::uint64_t unrecovered = 0;  ///< times that it was not ACTIVE and near upright when the next event was due
+  std::uint64_t taken = 0;        ///< calls with what is no value that were not refused
+  std::uint64_t relearned = 0;    ///< times that the posterior began again
+  std::uint64_t not_finite = 0;   ///< ticks with a belief that is not finite
 };
 
 /// A pendulum held upright for all that time, its plant an equation of its own (RK4 at 2 ms). About 20 us a tick.

@@ -95,6 +95,19 @@ class PeriodicForce final : public Effect {
   double phase_ = 0;
 };
 
+/// A hand: nothing, then a force for a while, then nothing.
+class Shove final : public Effect {
+ public:
+  explicit Shove(const Parameters& p) : force_(p.at("force_SI")), begin_s_(p.at("begin_s")), for_s_(p.at("for_s")) {}
+  void push(Joint& joint, const Moment& now) override {
+    const double since_s = 1e-6 * static_cast<double>(now.time_us) - begin_s_;
+    if (since_s >= 0 && since_s < for_s_) joint.add_force(force_);
+  }
+
+ private:
+  double force_, begin_s_, for_s_;
+};
+
 /// Dry friction that falls to a fifth as its own heat thins the grease.
 class FrictionDrift final : public Effect {
  public:
@@ -260,6 +273,11 @@ std::vector<EffectInfo> of_joints() {
        {{"force_SI"}, {"frequency_Hz"}},
        "a force that swings with time",
        make_effect<PeriodicForce>},
+      {"shove",
+       PortKind::joint,
+       {{"force_SI", true}, {"begin_s"}, {"for_s"}},
+       "a force from one time on, for a while",
+       make_effect<Shove>},
       {"friction_drift",
        PortKind::joint,
        {{"friction_SI"}, {"heat_J"}},

@@ -118,6 +118,20 @@ World gusts(double force_Nm, double time_s, unsigned seed) {
 
 constexpr int kSeeds = 6;
 
+// From one period to the next, after four seconds in a still world, and away again a second later.
+TEST(Pushed, AShoveIsNotPutDownToTheParameters) {
+  int held = 0;
+  for (unsigned seed = 1; seed <= kSeeds; ++seed) {
+    const double force = seed % 2 ? 0.4 : -0.4;
+    const World shove = [force](double t) { return t >= 4.0 && t < 5.0 ? force : 0.0; };
+    const Outcome with = run(pendulum(true), shove, 8.0, seed);
+    EXPECT_EQ(with.state, tiller_state_active);
+    EXPECT_LT(std::fabs(with.offset_rad), 5.0 * kSensor_rad) << "seed " << seed;
+    held += with.holds;
+  }
+  EXPECT_GE(held, 5) << "of " << kSeeds << " intervals of 90 %";
+}
+
 // An offset of less than the sensor's deviation is none that the robot could see.
 TEST(Pushed, AConstantForceLeavesNoOffset) {
   double least_without = 1.0;

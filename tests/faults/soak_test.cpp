@@ -53,5 +53,22 @@ TEST(Soak, ClocksAtOtherEdges) {
   }
 }
 
+TEST(Soak, WhateverHappensItIsSafeComesBackAndARepeatIsTheSameToTheLastBit) {
+  SoakCase soak;
+  soak.ticks = 16000;  // each event once
+  soak.eventful = true;
+  const SoakOutcome first = run_soak(soak), second = run_soak(soak);
+  for (int i = 0; i < static_cast<int>(SoakEvent::count); ++i)
+    EXPECT_GT(first.events[i], 0u) << name_of(static_cast<SoakEvent>(i));
+  EXPECT_EQ(first.unsafe, 0u);
+  EXPECT_GT(first.resets, 0u);
+  EXPECT_EQ(first.unrecovered, 0u);
+  EXPECT_EQ(first.taken, 0u);
+  EXPECT_EQ(first.not_finite, 0u);
+  EXPECT_EQ(first.unanswered, 0u);
+  EXPECT_EQ(first.heap_growth_bytes, 0);
+  EXPECT_EQ(first.hash, second.hash);
+}
+
 }  // namespace
 }  // namespace tiller::faults

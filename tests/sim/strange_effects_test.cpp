@@ -98,6 +98,17 @@ TEST(PeriodicForce, SwingsWithTime) {
   EXPECT_NEAR(most - least, 2 * force / (2 * kPi * hz), 1e-4);
 }
 
+TEST(Shove, BeginsAndEnds) {
+  auto plant = make(axis("shove", {{"force_SI", 0.8}, {"begin_s", 0.1}, {"for_s", 0.05}}));
+  plant->advance(0.1);
+  EXPECT_EQ(truth(*plant)[1], 0.0);
+  plant->advance(0.05);
+  const double rate = truth(*plant)[1];
+  EXPECT_NEAR(rate, 0.8 * 0.05, 0.8 * 0.001) << "a kilogram; to a step of a millisecond";
+  plant->advance(0.1);
+  EXPECT_NEAR(truth(*plant)[1], rate, 1e-9);
+}
+
 TEST(FrictionDrift, FallsToAFifthAsItWarms) {
   PlantOptions o = axis("friction_drift", {{"friction_SI", 1.0}, {"heat_J", 0.5}});
   auto plant = make(o);

@@ -53,6 +53,14 @@ std::string latch_text(const tiller_config_t& config, const RecordedRun& run, co
   return "";
 }
 
+/// What a tick without a plan in time costs beside it.
+std::string given_way(const tiller_config_t& config, const Happening& h) {
+  if (h.status != tiller_status_deadline_missed || config.posterior.moves_per_tick <= 8) return "";
+  return format("Each plan without an iteration halves [posterior] moves_per_tick = %u, down to 8, until plans have time "
+                "again: docs/guide/real_time.md",
+                config.posterior.moves_per_tick);
+}
+
 std::string sentence(const std::string& text) { return text.empty() ? "" : "    " + text + ".\n"; }
 
 /// Troubles have a reason of the controller's.
@@ -62,7 +70,7 @@ std::string trouble_text(const tiller_config_t& config, const RecordedRun& run, 
     return text + headline(h) + ".\n" +
            sentence("The log does not tell why: over LCM, record the channel TELEMETRY beside the others");
   text += std::string(tiller_status_name(h.status)) + ", " + tiller_status_text(h.status) + ".\n";
-  text += sentence(headline(h)) + sentence(latch_text(config, run, h)) + sentence(h.evidence);
+  text += sentence(headline(h)) + sentence(latch_text(config, run, h)) + sentence(h.evidence) + sentence(given_way(config, h));
   return text + sentence(std::string("Next: ") + remedy_for(h.status));
 }
 

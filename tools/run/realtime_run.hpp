@@ -22,12 +22,12 @@ class RealtimeGuard {
   RealtimeReport report_;
 };
 
-/// How a run by the wall clock went.
+/// How a run went by the wall clock.
 struct PaceResult {
   RealtimeReport realtime;
   LatencyHistogram tick_time;         ///< tiller_tick alone
   LatencyHistogram wake_up;           ///< how late a tick by the clock began; empty where measurements set the pace
-  std::uint64_t overruns = 0;         ///< ticks after which the next was due already
+  std::uint64_t overruns = 0;         ///< ticks after which the next was due already, or would have been: simulated time waits
   std::uint64_t skipped_periods = 0;  ///< by the clock: that had no tick
 };
 

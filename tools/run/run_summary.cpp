@@ -129,7 +129,7 @@ std::string posterior_lines(const RobotFile& robot, const RunOptions& options, c
   return text + not_learnt(robot, result);
 }
 
-std::string tick_line(const RobotFile& robot, const RunResult& result) {
+std::string tick_line(const RobotFile& robot, const RunOptions& options, const RunResult& result) {
   const LatencyHistogram& took = result.pace.tick_time;
   std::string text =
       format("  tick %.2f ms median, %.2f ms 99 %%, %.2f ms max, of a period of %s ms", took.quantile_us(0.5) / 1000,
@@ -138,7 +138,10 @@ std::string tick_line(const RobotFile& robot, const RunResult& result) {
     text += format("; %llu over the deadline of %.1f ms", static_cast<unsigned long long>(result.late_ticks),
                    robot.config.planner.deadline_us / 1000.0);
   }
-  return text + "\n";
+  text += "\n";
+  if (options.real_time || result.pace.overruns == 0) return text;
+  return text + format("  %llu ticks took longer than the period: simulated time waits for them, a robot does not\n",
+                       static_cast<unsigned long long>(result.pace.overruns));
 }
 
 std::string log_line(const LogState& log) {
@@ -219,7 +222,7 @@ std::string summary(const RobotFile& robot, const RunOptions& options, const Run
     text += format("  the robot seemed to have changed: learnt again %llu times (docs/theory/posterior.md, relearn)\n",
                    static_cast<unsigned long long>(result.info.relearned));
   if (const std::string probing = probing_text(result.info); !probing.empty()) text += "  " + probing + "\n";
-  text += tick_line(robot, result) + log_line(result.log);
+  text += tick_line(robot, options, result) + log_line(result.log);
   return options.real_time ? text + pace_lines(robot, result.pace) : text;
 }
 

@@ -111,8 +111,9 @@ class DisturbanceStates {
   void read_law(const double* coordinate, std::uint32_t stride, double* law, std::uint32_t law_stride) const;
   /// The law of a posterior that does not learn it.
   void fixed_law(double* law, std::uint32_t stride) const;
-  /// The law of a filter that looks out for contacts (safety.contact_force); no force at joints without a limit.
-  void contact_law(double* law, std::uint32_t stride) const;
+  /// The law of a filter that looks out for forces that come from one period to the next, of which
+  /// safety.contact_force says how large a contact's is.
+  void sudden_law(double* law, std::uint32_t stride) const;
 
   /// How large the forces are that matter, from another with the same.
   void take_sizes(const DisturbanceStates& other);

@@ -20,7 +20,7 @@ FilterPosterior* FilterPosterior::lay_out(Arena& arena, const tiller_config_t& c
   const InputHistory inputs = InputHistory::lay_out(arena, config);
   auto* const chunks = FilterChunk::lay_out(arena, particles.chunks(), config, setup, disturbances, at, d);
   auto* const adequacy = FilterAdequacy::lay_out(arena, config, disturbances);
-  auto* const contacts = ContactFilter::lay_out(arena, config, setup, disturbances, at, d);
+  auto* const sudden = SuddenForces::lay_out(arena, config, setup, disturbances, at, d);
   auto* const jumps = JumpBanks::lay_out(arena, config, setup, table, disturbances, d);
   if (arena.measuring() || !arena.fits()) return nullptr;
 
@@ -37,7 +37,7 @@ FilterPosterior* FilterPosterior::lay_out(Arena& arena, const tiller_config_t& c
   p->rest_ = RestGuard(config);
   p->inputs_ = inputs;
   p->adequacy_ = adequacy;
-  p->contacts_ = contacts;
+  p->sudden_ = sudden;
   p->jumps_ = jumps;
   p->chunks_ = chunks;
   p->reset();

@@ -16,6 +16,8 @@ namespace {
 constexpr std::uint32_t kRows = FilterParticles::kRows, kLanes = FilterChunk::kLanes;
 /// Number of values that the earlier knowledge of the noise is worth once the robot has changed.
 constexpr double kNoiseWorth = 20.0;
+/// Ticks that a shove may take to show.
+constexpr std::uint32_t kLongestSuspicion = 20;
 
 }  // namespace
 
@@ -34,6 +36,10 @@ void FilterPosterior::reset() {
   started_ = false;
   tick_ = 0;
   gate_.begin();
+  // a suspicion is kept whole in the window
+  shoves_.reset(enabled() && config_->posterior.moves_per_tick > 0
+                    ? std::min(kLongestSuspicion, config_->posterior.window / 2)
+                    : 0);
   if (jumps_) jumps_->stop();
   if (adequacy_) adequacy_->reset();
   start_.reset(*config_);
@@ -53,10 +59,11 @@ tiller_status_t FilterPosterior::start(const double* measured) {
   start_.begin_after_pause(*config_, measured);
   start_.measure_forces(filter_, chunks_[0], particles_, inputs_.rows(), disturbances_);
   begin_filters();
-  if (contacts_) contacts_->begin(filter_, start_, particles_);
+  if (sudden_) sudden_->begin(filter_, start_, particles_);
   if (jumps_) jumps_->stop();
   gate_.begin();
   rest_.begin();
+  shoves_.begin();
   if (adequacy_) adequacy_->begin();
   started_ = true;
   return tiller_status_ok;
@@ -78,21 +85,24 @@ tiller_status_t FilterPosterior::advance(const Transition& transition, bool move
   take_attitudes(*config_, now.measured);
   Observation seen = {now.period_s, 1.0, now.input, now.measured, inputs_.rows()};
   predict(seen);
-  if (contacts_) contacts_->step(filter_, particles_, seen, noise_.now);
+  if (sudden_) sudden_->step(filter_, particles_, seen, noise_.now);
   const bool doubted = gate_.refuse(filter_, chunks_, particles_.cloud, noise_.now, now.measured);
   const bool resting = moves && rest_.resting(now);
   seen.weight = resting || sticks(seen) ? 0.0 : 1.0;
   if (adequacy_ && !resting)
     adequacy_->test_innovation(filter_, chunks_, particles_, seen, noise_.now, tempering_.exponent() < 1.0);
   if (jumps_) jumps_->step(filter_, seen, elapsed_s_, noise_.now);
-  correct(seen);
+  const ShoveWatch::Verdict shove = watch(seen);
+  correct(seen, shove != ShoveWatch::Verdict::calm);
+  if (shove == ShoveWatch::Verdict::shoved) take_back();
   const tiller_status_t status = reweight(seen);
   if (status == tiller_status_posterior_degenerate) return status;
   const Cloud& cloud = particles_.cloud;
   if (enabled() && config_->posterior.moves_per_tick && cloud.d) {
     window_.push(seen);
+    if (shove == ShoveWatch::Verdict::shoved) go_on_pushed();
     // at rest nothing is learnt: a cloud that has been swept stays as it is
-    if (moves && !(resting && tempering_.settled(cloud)))
+    if (moves && shove == ShoveWatch::Verdict::calm && !(resting && tempering_.settled(cloud)))
       moves_.move({tools(), window_, past_, evidence_, tick_, hooks_}, particles_, tempering_);
     past_.retire(window_, config_->posterior.window, tools());
   }
@@ -114,11 +124,49 @@ void FilterPosterior::predict(const Observation& seen) {
                  [&](std::uint32_t c) { filter_.predict(chunks_[c], seen, particles_.step(c)); });
 }
 
+/// Whether a shove has begun or ended. A posterior that has not settled, or has not learnt how large forces are, takes
+/// everything for news.
+ShoveWatch::Verdict FilterPosterior::watch(const Observation& seen) {
+  const bool settled = tempering_.exponent() == 1.0 && tick_ >= FilterAdequacy::kEarly;
+  if (!sudden_ || !(settled || shoves_.suspects())) return ShoveWatch::Verdict::calm;
+  const bool counts = seen.weight > 0.0;
+  const double ahead = counts ? sudden_->ahead_of(filter_, chunks_, particles_, noise_.calm) : 0.0;
+  const bool fresh = !shoves_.suspects();
+  const ShoveWatch::Verdict verdict = shoves_.take(ahead);
+  if (fresh || verdict == ShoveWatch::Verdict::calm) {
+    std::fill(particles_.recent, particles_.recent + kRows * particles_.n(), 0.0);
+    sure_end_ = window_.end();
+    suspect_count_ = 0.0;
+  }
+  return verdict;
+}
+
+/// What the ticks under suspicion, this one included, said of the parameters.
+void FilterPosterior::take_back() {
+  for (std::uint32_t i = 0; i < kRows * particles_.n(); ++i) particles_.sums[i] -= particles_.recent[i];
+  evidence_.take_back(suspect_count_);
+}
+
+/// All filters go on from where the one is that looks out for sudden forces, in a window that begins there: what is
+/// left of the one before, the ticks under suspicion apart, goes into the past.
+void FilterPosterior::go_on_pushed() {
+  window_.drop_newest(sure_end_);
+  past_.retire(window_, 0, tools());
+  std::memcpy(particles_.base, particles_.sums, sizeof(double) * kRows * particles_.n());
+  window_.restart();
+  start_.begin_pushed(filter_, particles_, *sudden_);
+  begin_filters();
+  gate_.begin();
+  if (adequacy_) adequacy_->begin();
+}
+
 /// The particles' sums, and before these what they were.
-void FilterPosterior::correct(const Observation& seen) {
+void FilterPosterior::correct(const Observation& seen, bool suspicious) {
   const std::uint32_t n = particles_.n();
   std::memcpy(particles_.scratch_row(2), particles_.sums, sizeof(double) * kRows * n);
   forget(seen);
+  const double counted = evidence_.counted();
+  for (std::uint32_t i = 0; suspicious && i < kRows * n; ++i) particles_.recent[i] -= particles_.sums[i];
   for_each_chunk(hooks_, particles_.chunks(), n >= kWorthThreads, [&](std::uint32_t c) {
     CorrectJob job = filter_.correct_job(seen.measured, chunks_[c]);
     job.to = particles_.lanes(c);
@@ -128,6 +176,9 @@ void FilterPosterior::correct(const Observation& seen) {
     filter_.correct(job);
   });
   evidence_.count(seen.measured, filter_.ny(), seen.weight);
+  if (!suspicious) return;
+  for (std::uint32_t i = 0; i < kRows * n; ++i) particles_.recent[i] += particles_.sums[i];
+  suspect_count_ += evidence_.counted() - counted;
 }
 
 /// Everything but the prior loses its share; the transition that is being taken in does not.
@@ -136,6 +187,7 @@ void FilterPosterior::forget(const Observation& seen) {
   if (keep == 1.0 || seen.weight == 0.0) return;
   evidence_.forget(keep);
   past_.forget(keep);
+  suspect_count_ *= keep;
   particles_.forget(keep);
   window_.forget(keep);
 }
@@ -218,6 +270,7 @@ void FilterPosterior::relearn() {
   window_.restart();
   tempering_.restart();
   begin_filters();
+  shoves_.begin();
   adequacy_->restart();
 }
 
@@ -242,8 +295,8 @@ void FilterPosterior::draw(std::uint32_t count, std::uint64_t tick, float* param
 
 /// Of the noise as it was before a push put anything into it.
 void FilterPosterior::contacts(double* mean, double* sd) const {
-  if (!contacts_) return Posterior::contacts(mean, sd);
-  contacts_->read(filter_, noise_.calm, mean, sd);
+  if (!sudden_) return Posterior::contacts(mean, sd);
+  sudden_->read(filter_, noise_.calm, mean, sd);
 }
 
 void FilterPosterior::report(PosteriorReport& report) const {

@@ -2,12 +2,13 @@
 
 #include <cstdint>
 
-#include "posterior/filter/contact_filter.hpp"
 #include "posterior/filter/filter_adequacy.hpp"
 #include "posterior/filter/filter_estimate.hpp"
 #include "posterior/filter/filter_moves.hpp"
 #include "posterior/filter/jump_banks.hpp"
 #include "posterior/filter/outlier_gate.hpp"
+#include "posterior/filter/shove_watch.hpp"
+#include "posterior/filter/sudden_forces.hpp"
 #include "posterior/input_history.hpp"
 #include "posterior/posterior.hpp"
 #include "posterior/rest_guard.hpp"
@@ -66,7 +67,10 @@ class FilterPosterior final : public Posterior {
  private:
   tiller_status_t advance(const Transition& transition, bool moves);
   void predict(const Observation& seen);
-  void correct(const Observation& seen);
+  ShoveWatch::Verdict watch(const Observation& seen);
+  void correct(const Observation& seen, bool suspicious);
+  void take_back();
+  void go_on_pushed();
   void forget(const Observation& seen);
   tiller_status_t reweight(const Observation& seen);
   void resample();
@@ -98,11 +102,14 @@ class FilterPosterior final : public Posterior {
   FilterMoves moves_;
   OutlierGate gate_;
   RestGuard rest_;
+  ShoveWatch shoves_;
+  std::uint64_t sure_end_ = 0;  // of the window: what follows is under suspicion
+  double suspect_count_ = 0.0;  // of the evidence's values, these
   InputHistory inputs_;
 
   // beside the particles; null where the configuration does not ask for it
   FilterAdequacy* adequacy_ = nullptr;
-  ContactFilter* contacts_ = nullptr;
+  SuddenForces* sudden_ = nullptr;
   JumpBanks* jumps_ = nullptr;
 
   FilterChunk* chunks_ = nullptr;  // (N / kLanes) scratch

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "posterior/attitude_measurement.hpp"
+#include "posterior/filter/sudden_forces.hpp"
 #include "rollout/attitude.hpp"
 
 namespace tiller {
@@ -108,38 +109,67 @@ void FilterStart::measure_forces(const LaneFilter& filter, const FilterChunk& ch
 }
 
 void FilterStart::begin_at_present(const LaneFilter& filter, const FilterParticles& particles) {
-  const std::uint32_t about = particles.heaviest(), quaternions = filter.quaternions();
   const DisturbanceStates& disturbances = *particles.disturbances;
   clear();
   // filters that begin with one law of the friction, whatever size a particle has, are judged by the mean size
   for (std::uint32_t j = 0; j < disturbances.joints() && disturbances.has_friction(); ++j)
     friction_law_[j] = particles.mean(particles.law(j));
   has_forces_ = true;
-  double off[kMaxFilterStates];
-  for (std::uint32_t i = 0; i < particles.n(); ++i) {
-    const double w = particles.weight(i);
-    if (!(w > 0.0)) continue;
-    particles.differ(i, about, off);
-    for (std::uint32_t r = 0; r < nf_; ++r) state_[r] += w * off[r];
-    for (std::uint32_t s = 0; s < ns_; ++s) effect_state_[s] += w * particles.effect_state(s)[i];
+  take_mixture(filter, {particles.filter, particles.n(), particles.heaviest(), particles.cloud.weight});
+}
+
+void FilterStart::begin_pushed(const LaneFilter& filter, const FilterParticles& particles,
+                               const SuddenForces& sudden) {
+  begin_at_present(filter, particles);
+  const std::uint32_t triangle = triangle_rows(nf_);
+  double state[kMaxFilterStates], covariance[triangle_rows(kMaxFilterStates)];
+  std::copy(state_, state_ + nf_, state);
+  std::copy(covariance_, covariance_ + triangle, covariance);
+  double weight[kLanes];
+  std::fill(weight, weight + kLanes, 1.0 / kLanes);
+  std::fill(state_, state_ + nf_, 0.0);
+  std::fill(covariance_, covariance_ + triangle, 0.0);
+  std::fill(effect_state_, effect_state_ + ns_, 0.0);
+  take_mixture(filter, {sudden.lanes().filter, kLanes, 0, weight});
+  const auto known = [&](std::uint32_t r) { return r >= nx_ && !sudden.is_sudden(r - nx_); };
+  for (std::uint32_t r = nx_; r < nf_; ++r) {
+    if (known(r)) state_[r] = state[r];
+    for (std::uint32_t c = r; c < nf_; ++c)
+      if (known(r) && known(c)) covariance_[triangle_row(nf_, r, c)] = covariance[triangle_row(nf_, r, c)];
   }
-  for (std::uint32_t i = 0; i < particles.n(); ++i) {
-    const double w = particles.weight(i);
+}
+
+/// += mean and covariance of a mixture of filters.
+void FilterStart::take_mixture(const LaneFilter& filter, const Mixture& mixture) {
+  const FilterRows& rows = mixture.rows;
+  const std::uint32_t about = mixture.about, quaternions = filter.quaternions();
+  double off[kMaxFilterStates];
+  for (std::uint32_t i = 0; i < mixture.count; ++i) {
+    const double w = mixture.weight[i];
     if (!(w > 0.0)) continue;
-    particles.differ(i, about, off);
+    filter_difference(rows, quaternions, nf_, i, about, off);
+    for (std::uint32_t r = 0; r < nf_; ++r) state_[r] += w * off[r];
+    for (std::uint32_t s = 0; s < ns_; ++s) effect_state_[s] += w * rows.effect_state[s * rows.stride + i];
+  }
+  for (std::uint32_t i = 0; i < mixture.count; ++i) {
+    const double w = mixture.weight[i];
+    if (!(w > 0.0)) continue;
+    filter_difference(rows, quaternions, nf_, i, about, off);
     for (std::uint32_t r = 0; r < nf_; ++r) off[r] -= state_[r];
     for (std::uint32_t r = 0; r < nf_; ++r)
-      for (std::uint32_t c = r; c < nf_; ++c)
-        covariance_[triangle_row(nf_, r, c)] += w * (particles.covariance(r, c)[i] + off[r] * off[c]);
+      for (std::uint32_t c = r; c < nf_; ++c) {
+        const std::uint32_t at = triangle_row(nf_, r, c);
+        covariance_[at] += w * (rows.covariance[at * rows.stride + i] + off[r] * off[c]);
+      }
   }
   for_quaternions(quaternions, [&](std::uint32_t first) {
-    const Quaternion<double> middle = read_quaternion(particles.state(first) + about, particles.n());
+    const Quaternion<double> middle = read_quaternion(rows.state + first * rows.stride + about, rows.stride);
     const double* d = state_ + first;
     const Quaternion<double> q = normalised(attitude_sum(middle, {d[1], d[2], d[3]}));
     // what is added below
     write_quaternion({q.w - middle.w, q.x - middle.x, q.y - middle.y, q.z - middle.z}, state_ + first);
   });
-  for (std::uint32_t r = 0; r < nf_; ++r) state_[r] += particles.state(r)[about];
+  for (std::uint32_t r = 0; r < nf_; ++r) state_[r] += rows.state[r * rows.stride + about];
 }
 
 void FilterStart::note_reach(const tiller_config_t& config, const FilterParticles& particles) {

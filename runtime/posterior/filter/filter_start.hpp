@@ -7,6 +7,8 @@
 
 namespace tiller {
 
+class SuddenForces;
+
 /// Where the filters of an exact window begin, the same for every particle: at the configured state, or, in mid-run,
 /// wherever the robot may have got to. A first measurement corrects it.
 class FilterStart {
@@ -21,6 +23,8 @@ class FilterStart {
   void begin_after_pause(const tiller_config_t& config, const double* measured);
   /// Every filter goes on from where they are together: mean, mean covariance and what they disagree about.
   void begin_at_present(const LaneFilter& filter, const FilterParticles& particles);
+  /// The same, with states and sudden forces as the filter has them that looks out for these.
+  void begin_pushed(const LaneFilter& filter, const FilterParticles& particles, const SuddenForces& sudden);
   /// Afterwards: the heaviest particle's state has been there.
   void note_reach(const tiller_config_t& config, const FilterParticles& particles);
 
@@ -37,6 +41,12 @@ class FilterStart {
   const double* friction_law() const { return has_forces_ ? friction_law_ : nullptr; }  // (joints)
 
  private:
+  struct Mixture {
+    FilterRows rows;
+    std::uint32_t count, about;  // about: the one from which attitudes are counted
+    const double* weight;        // (count)
+  };
+  void take_mixture(const LaneFilter& filter, const Mixture& mixture);
   void set(const tiller_config_t& config, const double* sd);
   void clear();
 

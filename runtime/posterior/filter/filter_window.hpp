@@ -43,6 +43,8 @@ class FilterWindow {
     ++begin_;
     exact_ = false;
   }
+  /// Those from `end` on have never been.
+  void drop_newest(std::uint64_t end) { end_ = end; }
   /// Of each transition's weight only this share is kept.
   void forget(double keep) {
     for (std::uint64_t k = begin_; k < end_; ++k) row(k)[1] *= keep;

@@ -19,6 +19,17 @@ FilterRows lay_out_filters(Arena& arena, std::uint32_t states, std::uint32_t eff
   return rows;
 }
 
+void filter_difference(const FilterRows& rows, std::uint32_t quaternions, std::uint32_t nf, std::uint32_t i,
+                       std::uint32_t about, double* off) {
+  const std::uint32_t stride = rows.stride;
+  for (std::uint32_t r = 0; r < nf; ++r) off[r] = rows.state[r * stride + i] - rows.state[r * stride + about];
+  for_quaternions(quaternions, [&](std::uint32_t first) {
+    const double* q = rows.state + first * stride;
+    const Vector3<double> d = attitude_difference(read_quaternion(q + i, stride), read_quaternion(q + about, stride));
+    write_quaternion({0.0, d.x, d.y, d.z}, off + first);
+  });
+}
+
 FilterChunk* FilterChunk::lay_out(Arena& arena, std::uint32_t count, const tiller_config_t& config,
                                   const StepSetup& setup, const DisturbanceStates& disturbances,
                                   const DisturbanceStates* at, std::uint32_t d) {

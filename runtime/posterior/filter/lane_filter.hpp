@@ -22,6 +22,10 @@ struct Observation {
 /// Rows for filters of `states` states, `stride` of them.
 FilterRows lay_out_filters(Arena& arena, std::uint32_t states, std::uint32_t effect_states, std::uint32_t stride);
 
+/// How one filter of `rows` differs from another (nf), attitudes by their differences.
+void filter_difference(const FilterRows& rows, std::uint32_t quaternions, std::uint32_t nf, std::uint32_t i,
+                       std::uint32_t about, double* off);
+
 /// Lanes that one task filters together, in a scratch of its own: (row x kLanes), so that the rows of a chunk lie next
 /// to one another whatever N is (rows at a stride of N fall into the same few cache sets).
 struct FilterChunk {

@@ -52,6 +52,7 @@ FilterParticles FilterParticles::lay_out(Arena& arena, const tiller_config_t& co
   if (disturbances.drifts() > 0) p.present = arena.take<double>(config.param_count * n);
   p.sums = arena.take<double>(kRows * n);
   p.base = arena.take<double>(kRows * n);
+  if (disturbances.joints() > 0) p.recent = arena.take<double>(kRows * n);
   p.log_likelihood = arena.take<double>(n);
   p.scratch = arena.take<double>((kRows + 2) * n);
   p.before = NormalLaw::lay_out(arena, p.cloud.d);
@@ -68,6 +69,7 @@ void FilterParticles::draw_prior() {
 void FilterParticles::clear_sums() {
   std::memset(sums, 0, sizeof(double) * kRows * n());
   std::memset(base, 0, sizeof(double) * kRows * n());
+  if (recent) std::memset(recent, 0, sizeof(double) * kRows * n());
   std::memset(log_likelihood, 0, sizeof(double) * n());
 }
 
@@ -75,6 +77,7 @@ void FilterParticles::forget(double keep) {
   for (std::size_t i = 0; i < std::size_t{kRows} * n(); ++i) {
     sums[i] *= keep;
     base[i] *= keep;
+    if (recent) recent[i] *= keep;
   }
 }
 
@@ -89,6 +92,7 @@ void FilterParticles::permute() {
   permute_rows(laws, disturbances->law_rows());
   permute_rows(sums, kRows);
   permute_rows(base, kRows);
+  if (recent) permute_rows(recent, kRows);
   permute_rows(log_likelihood, 1);
 }
 
@@ -133,12 +137,8 @@ std::uint32_t FilterParticles::heaviest() const {
 }
 
 void FilterParticles::differ(std::uint32_t i, std::uint32_t about, double* off) const {
-  for (std::uint32_t r = 0; r < nf; ++r) off[r] = state(r)[i] - state(r)[about];
-  for_quaternions(cloud.config->model->quaternion_mask, [&](std::uint32_t first) {
-    const double* q = state(first);
-    const Vector3<double> d = attitude_difference(read_quaternion(q + i, n()), read_quaternion(q + about, n()));
-    write_quaternion({0.0, d.x, d.y, d.z}, off + first);
-  });
+  filter_difference({filter.state, filter.covariance, filter.effect_state, n()},
+                    cloud.config->model->quaternion_mask, nf, i, about, off);
 }
 
 FilterRows FilterParticles::lanes(std::uint32_t c) const {

@@ -26,6 +26,7 @@ struct FilterParticles {
   double* present = nullptr;         // (np x N) parameters as they have drifted; null where none does
   double* sums = nullptr;            // (kRows x N) over all data
   double* base = nullptr;            // (kRows x N) what came before the window's start (exact windows only)
+  double* recent = nullptr;          // (kRows x N) of the sums, what is under suspicion; null where no force may come
   double* log_likelihood = nullptr;  // (N) of all data
   double* scratch = nullptr;         // (kRows + 2 x N)
   NormalLaw before;                  // what was known before the robot changed

@@ -34,6 +34,9 @@ class ScaleEvidence {
       if (!std::isnan(measured[k])) known_ += weight;
   }
 
+  double counted() const { return known_; }
+  void take_back(double counted) { known_ -= counted; }
+
   /// Of `lanes` particles whose sums stand in rows of `stride`. NaN where the sums are those of no particle: beyond
   /// rounding below zero.
   void log_likelihood(std::uint32_t lanes, const double* sums, std::uint32_t stride, double* out) const;

@@ -1,33 +1,67 @@
-#include "posterior/filter/contact_filter.hpp"
+#include "posterior/filter/sudden_forces.hpp"
 
 #include <algorithm>
 #include <cmath>
 
 #include "posterior/filter/mixture_moments.hpp"
 #include "posterior/filter/outlier_gate.hpp"
+#include "tiller/math.hpp"
 
 namespace tiller {
 
-ContactFilter* ContactFilter::lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
+namespace {
+
+/// The logarithm of a weighted mean of densities, whose weights sum to one.
+class LogMean {
+ public:
+  void add(double weight, double log_density) {
+    if (!(log_density > -kFar)) log_density = -kFar;  // NaN too
+    const double top = std::fmax(top_, log_density);
+    sum_ = sum_ * math::exp(top_ - top) + weight * math::exp(log_density - top);
+    top_ = top;
+  }
+  double log() const { return sum_ > 0.0 ? top_ + math::log(sum_) : -kFar; }
+
+ private:
+  static constexpr double kFar = 1e6;  // as good as impossible, and finite
+
+  double top_ = -kFar, sum_ = 0.0;
+};
+
+/// Of the readings that are not NaN, as one lane has predicted each; less a constant.
+double log_density(const LaneFilter& filter, const FilterChunk& chunk, std::uint32_t lane, const double* readings,
+                   double noise_scale) {
+  double sum = 0.0;
+  for (std::uint32_t k = 0; k < filter.ny(); ++k) {
+    if (std::isnan(readings[k])) continue;
+    const LaneFilter::Residual r = filter.residual(chunk, lane, readings, k);
+    const double variance = noise_scale * noise_scale * r.variance;
+    sum -= 0.5 * (r.error * r.error / variance + math::log(variance));
+  }
+  return sum;
+}
+
+}  // namespace
+
+SuddenForces* SuddenForces::lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
                                       const DisturbanceStates& disturbances, const DisturbanceStates* at,
                                       std::uint32_t d) {
-  bool feels = false;
-  for (std::uint32_t j = 0; j < disturbances.joints(); ++j)
-    feels = feels || std::isfinite(config.safety.contact_force[config.model->joints[j].velocity]);
-  if (!feels) return nullptr;
-  auto* const c = arena.take<ContactFilter>(1);
+  if (disturbances.joints() == 0) return nullptr;
+  auto* const c = arena.take<SuddenForces>(1);
   const FilterChunk* const chunk = FilterChunk::lay_out(arena, 1, config, setup, disturbances, at, d);
+  auto* const readings = arena.take<double>(config.measurement_count);
   if (c) c->chunk_ = chunk;
+  if (c) c->readings_ = readings;
   return c;
 }
 
 /// Whether a state is a force that may be a contact's.
-bool ContactFilter::may_touch(std::uint32_t f) const {
+bool SuddenForces::may_touch(std::uint32_t f) const {
   const DisturbanceStates& disturbances = *chunk_->lacking;
   return disturbances.wanders(f) && chunk_->law[disturbances.source_of(f) * kLanes] != 0.0;
 }
 
-void ContactFilter::follow(const FilterParticles& particles) const {
+void SuddenForces::follow(const FilterParticles& particles) const {
   const FilterChunk& chunk = *chunk_;
   const DisturbanceStates& disturbances = *chunk.lacking;
   const std::uint32_t n = particles.n(), nf = chunk.nf, nx = nf - disturbances.states();
@@ -55,28 +89,42 @@ void ContactFilter::follow(const FilterParticles& particles) const {
   }
 }
 
-void ContactFilter::begin(const LaneFilter& filter, const FilterStart& start, const FilterParticles& particles) {
-  for (std::uint32_t l = 0; l < kLanes; ++l) chunk_->lacking->contact_law(chunk_->law + l, kLanes);
+void SuddenForces::begin(const LaneFilter& filter, const FilterStart& start, const FilterParticles& particles) {
+  for (std::uint32_t l = 0; l < kLanes; ++l) chunk_->lacking->sudden_law(chunk_->law + l, kLanes);
   follow(particles);
   start.begin_filters(filter, *chunk_, chunk_->filter, {chunk_->params, kLanes}, {chunk_->law, kLanes});
 }
 
-void ContactFilter::step(const LaneFilter& filter, const FilterParticles& particles, const Observation& seen,
+void SuddenForces::step(const LaneFilter& filter, const FilterParticles& particles, const Observation& seen,
                          double noise_scale) {
   follow(particles);
   filter.predict_own(*chunk_, seen, chunk_->filter);
-  double measured[TILLER_MAX_MEASUREMENTS];
   for (std::uint32_t k = 0; k < filter.ny(); ++k) {
     const double y = seen.measured[k];
-    measured[k] = !std::isnan(y) && !OutlierGate::explains(filter, *chunk_, 0, seen.measured, k, noise_scale) ? NAN : y;
+    readings_[k] =
+        !std::isnan(y) && !OutlierGate::explains(filter, *chunk_, 0, seen.measured, k, noise_scale) ? NAN : y;
   }
+  LogMean density;
+  for (std::uint32_t l = 0; l < kLanes; ++l)
+    density.add(1.0 / kLanes, log_density(filter, *chunk_, l, readings_, noise_scale));
+  log_density_ = density.log();
   Observation left = seen;
-  left.measured = measured;
+  left.measured = readings_;
   chunk_->clear_sums();
   filter.correct_own(*chunk_, left, chunk_->filter);
 }
 
-void ContactFilter::read(const LaneFilter& filter, double noise_scale, double* mean, double* sd) const {
+double SuddenForces::ahead_of(const LaneFilter& filter, const FilterChunk* chunks, const FilterParticles& particles,
+                              double noise_scale) const {
+  LogMean density;
+  for (std::uint32_t i = 0; i < particles.n(); ++i) {
+    if (!(particles.weight(i) > 0.0)) continue;
+    density.add(particles.weight(i), log_density(filter, chunks[i / kLanes], i % kLanes, readings_, noise_scale));
+  }
+  return log_density_ - density.log();
+}
+
+void SuddenForces::read(const LaneFilter& filter, double noise_scale, double* mean, double* sd) const {
   const DisturbanceStates& disturbances = *chunk_->lacking;
   for (std::uint32_t j = 0; j < disturbances.joints(); ++j) {
     const std::uint32_t state = filter.nx() + disturbances.force_state(j);
