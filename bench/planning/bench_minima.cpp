@@ -15,7 +15,10 @@
 // Sampling planners may be given other rollouts and iterations, and a spread that is annealed over a plan's iterations
 // and over its knots.
 //
-//   bench_minima [--planner NAME] [--problem NAME] [--seeds N] [--rollouts K] [--iterations I] [--anneal FOLDS FOLDS]
+// Settings are chosen on other problems, --tuning, and on other seeds than those of the score, --first.
+//
+//   bench_minima [--tuning] [--first SEED] [--planner NAME] [--problem NAME] [--seeds N] [--rollouts K]
+//                [--iterations I] [--anneal FOLDS FOLDS]
 
 #include <algorithm>
 #include <cmath>
@@ -158,9 +161,10 @@ struct Findings {
   }
 };
 
-Findings search_all(const std::vector<MinimaProblem>& problems, std::uint32_t kind, std::uint64_t seeds) {
+Findings search_all(const std::vector<MinimaProblem>& problems, std::uint32_t kind, std::uint64_t first,
+                    std::uint64_t seeds) {
   Findings findings{find_planner(kind)->name, {}};
-  for (std::uint64_t seed = 1; seed <= (samples(kind) ? seeds : 1); ++seed) {
+  for (std::uint64_t seed = first; seed < first + (samples(kind) ? seeds : 1); ++seed) {
     findings.searches.emplace_back();
     for (const MinimaProblem& problem : problems) findings.searches.back().push_back(search(problem, kind, seed));
   }
@@ -217,16 +221,20 @@ void print_planner(bench::Table& table, const Findings& f, std::size_t problems,
 }  // namespace
 
 int main(int argc, char** argv) {
-  std::string only_planner, only_problem;
-  std::uint64_t seeds = 3;
+  std::string only_planner, only_problem, set = "minima";
+  std::uint64_t first = 1, seeds = 3;
   for (int i = 1; i < argc; ++i) {
     const bool more = i + 1 < argc;
     if (!std::strcmp(argv[i], "--planner") && more)
       only_planner = argv[++i];
     else if (!std::strcmp(argv[i], "--problem") && more)
       only_problem = argv[++i];
+    else if (!std::strcmp(argv[i], "--tuning"))
+      set = "minima_tuning";
     else if (!std::strcmp(argv[i], "--seeds") && more)
       seeds = static_cast<std::uint64_t>(std::max(1, bench::whole_number(argv[++i])));
+    else if (!std::strcmp(argv[i], "--first") && more)
+      first = static_cast<std::uint64_t>(std::max(1, bench::whole_number(argv[++i])));
     else if (!std::strcmp(argv[i], "--rollouts") && more)
       sampling.rollouts = static_cast<std::uint32_t>(std::max(16, bench::whole_number(argv[++i])));
     else if (!std::strcmp(argv[i], "--iterations") && more)
@@ -239,7 +247,7 @@ int main(int argc, char** argv) {
       return 2;
     }
   }
-  std::vector<MinimaProblem> problems = bench::read_minima_problems(TILLER_MINIMA);
+  std::vector<MinimaProblem> problems = bench::read_minima_problems(TILLER_MINIMA, set);
   if (!only_problem.empty())
     problems.erase(std::remove_if(problems.begin(), problems.end(),
                                   [&](const MinimaProblem& p) { return p.name != only_problem; }),
@@ -249,9 +257,9 @@ int main(int argc, char** argv) {
   std::vector<Findings> all;
   for (std::uint32_t kind = 0; kind < tiller_planner_kind_count; ++kind)
     if (only_planner.empty() || only_planner == find_planner(kind)->name)
-      all.push_back(search_all(problems, kind, seeds));
+      all.push_back(search_all(problems, kind, first, seeds));
   print_excess(table, problems, all);
-  table.heading("what the planners find, seeds 1 to " + std::to_string(seeds));
+  table.heading("what the planners find, seeds " + std::to_string(first) + " to " + std::to_string(first + seeds - 1));
   double undercut = 0.0;
   for (const Findings& f : all) print_planner(table, f, problems.size(), undercut);
   table.row("the reference is undercut by", 100.0 * undercut, "%", bench::at_most(0.1));

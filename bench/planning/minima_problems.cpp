@@ -117,11 +117,11 @@ void for_tables(const toml::table& root, const char* key, const Visit& visit) {
 
 }  // namespace
 
-std::vector<MinimaProblem> read_minima_problems(const std::string& folder) {
+std::vector<MinimaProblem> read_minima_problems(const std::string& folder, const std::string& set) {
   std::vector<MinimaProblem> problems;
-  for_tables(read_file(folder + "/minima_problems.toml"), "problem",
+  for_tables(read_file(folder + "/" + set + "_problems.toml"), "problem",
              [&](const toml::table& table) { problems.push_back(read_problem(table)); });
-  for_tables(read_file(folder + "/minima_optima.toml"), "optimum", [&](const toml::table& table) {
+  for_tables(read_file(folder + "/" + set + "_optima.toml"), "optimum", [&](const toml::table& table) {
     for (MinimaProblem& problem : problems)
       if (problem.name == text(table, "name")) take_optimum(problem, table);
   });

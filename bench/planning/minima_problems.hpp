@@ -19,7 +19,8 @@ struct MinimaProblem {
   std::vector<double> inputs;   ///< (horizon x nu) the reference's
 };
 
-/// From minima_problems.toml and minima_optima.toml in `folder`. Ends the program where they do not fit together.
-std::vector<MinimaProblem> read_minima_problems(const std::string& folder);
+/// From SET_problems.toml and SET_optima.toml in `folder`: "minima", or "minima_tuning". Ends the program where they do
+/// not fit together.
+std::vector<MinimaProblem> read_minima_problems(const std::string& folder, const std::string& set);
 
 }  // namespace tiller::bench

@@ -49,7 +49,7 @@ double weigh_old_plan(Hybrid& h) {
   if (kept)
     settle_multiple(s);
   else
-    roll_open(s);
+    roll_again(s);
   std::memcpy(h.other, kept && s.settled ? p.settled : p.control, input_bytes(p));
   return s.cost;
 }

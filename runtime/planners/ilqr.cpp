@@ -77,6 +77,14 @@ bool roll_open(Ilqr& s) {
   return std::isfinite(cost);
 }
 
+bool roll_again(Ilqr& s) {
+  if (!s.plan.has_path || !s.plan.has_gain) return roll_open(s);
+  std::uint32_t chosen = kWarm;
+  const double cost = roll_warm(s.plan, chosen);
+  if (std::isfinite(cost)) s.cost = cost;
+  return std::isfinite(cost);
+}
+
 bool restart_path(Ilqr& s, const double* inputs) {
   PathPlan& p = s.plan;
   const std::size_t row = std::size_t{p.scenarios} * p.nz;
@@ -170,15 +178,6 @@ namespace {
 
 // ---- a plan -------------------------------------------------------------------------------------
 
-/// The inputs' motion from the present start, under the old gains where they have something to hold.
-bool roll_warm(Ilqr& s) {
-  if (!s.plan.has_gain) return roll_open(s);
-  std::uint32_t chosen = kWarm;
-  const double cost = roll_warm(s.plan, chosen);
-  if (std::isfinite(cost)) s.cost = cost;
-  return std::isfinite(cost);
-}
-
 /// False where the path cannot be made a motion of the model.
 bool begin(Ilqr& s) {
   PathPlan& p = s.plan;
@@ -187,7 +186,7 @@ bool begin(Ilqr& s) {
   s.cost = kInfinity;
   if (!p.has_path) s.single = p.settings->shooting == tiller_shooting_single;
   // the inputs' motion from the present start: what single shooting linearises around; already known where prepared
-  if (s.single && !s.standing) return roll_warm(s);
+  if (s.single && !s.standing) return roll_again(s);
   return p.has_path || roll_open(s);
 }
 

@@ -36,6 +36,9 @@ bool take_request(Ilqr& s, const PlanRequest& request);
 /// finite.
 bool roll_open(Ilqr& s);
 
+/// The same, under the old gains where they have something to hold.
+bool roll_again(Ilqr& s);
+
 /// The path becomes the motion under `inputs` (N x nu), and single shooting goes on from it; false where it is not
 /// finite. A rollout multiplies by the path's states even where it takes no share of them: those given up go first.
 bool restart_path(Ilqr& s, const double* inputs);

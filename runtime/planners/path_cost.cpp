@@ -10,10 +10,10 @@ namespace tiller {
 namespace {
 
 constexpr double kTurn = 6.283185307179586;
-// A path hangs on to its turn of the target by this much past the point that is as far from the next one: there the
+// A path hangs on to its turn of the target by hold_rad past the point that is as far from the next one: there the
 // wrapped cost has a kink, and a path that crosses it to and fro (a pendulum that hangs) would be pulled both ways.
-// The unwrapped cost bounds the wrapped one from above, so a step that lowers it lowers both.
-constexpr double kHold = 1.5;
+// The unwrapped cost bounds the wrapped one from above, so a step that lowers it lowers both. Its minima are not those
+// of the wrapped one, though: a path that swings across the kink ends some per cent above them.
 
 /// Turns of the target nearest to `angle`, as an angle. Adding 1.5 * 2^52 rounds to nearest.
 double nearest_turn(double angle) {
@@ -73,7 +73,7 @@ double state_gradient(PathPlan& p, std::size_t k, std::size_t j, const double* w
   for (std::size_t i = 0; i < p.nx; ++i) {
     double d = z[i] - p.cost.target[i];
     if ((p.model->angle_mask >> i) & 1u) {
-      if (k == 0 || !(std::fabs(d - turn[i]) < 0.5 * kTurn + kHold)) turn[i] = nearest_turn(d);
+      if (k == 0 || !(std::fabs(d - turn[i]) < 0.5 * kTurn + p.hold_rad)) turn[i] = nearest_turn(d);
       d -= turn[i];
     }
     q[i] = twice * weight[i] * d;

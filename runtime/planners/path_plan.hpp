@@ -13,6 +13,8 @@
 
 namespace tiller {
 
+constexpr double kHold_rad = 1.5;  // PathPlan::hold_rad of a plan in closed loop
+
 /// State that gradient planners share: a path (states of M scenarios under one input sequence), the linear-quadratic
 /// problem around it, and the ways to go from one to the other. Angles are unwrapped along the path.
 ///
@@ -35,6 +37,8 @@ struct PathPlan {
   std::uint32_t horizon = 0, most_scenarios = 0;
   bool rate_limited = false;  // an input has a rate limit that its range can meet
   bool rate = false;          // the cost has an input-rate weight
+
+  double hold_rad = kHold_rad;  // by which angles hang on to their turn of the target
 
   // ---- the plan, kept from tick to tick
   double* state = nullptr;    // (N+1 x M x nz)

@@ -5,8 +5,9 @@
 
 namespace tiller {
 
-/// A second plan beside that of `hybrid`, which begins far from it, from one of the widest samples, and is refined over
-/// several plans before anybody compares the two: a sample in a better valley costs more than the floor of a worse one.
+/// A second plan beside that of `hybrid`, which begins far from it, from one of the widest samples, or from the plan
+/// under a cost of its own, and is refined over several plans before anybody compares the two: a sample in a better
+/// valley costs more than the floor of a worse one.
 /// It is for the belief's first hypothesis alone, which keeps it cheap; whoever takes it weighs it on all of them.
 struct Scout {
   Ilqr* gradient = nullptr;     // of one scenario
@@ -16,6 +17,7 @@ struct Scout {
   float* sequence = nullptr;    // (N x nu)
   std::uint32_t plans = 0;      // since it began; 0: the next plan begins another
   std::uint64_t begun = 0;
+  std::uint32_t tilted = 0;  // plans until its cost is the plan's again; 0: it is
   bool motion = false;  // the path of the last plan is one
 };
 

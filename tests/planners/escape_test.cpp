@@ -90,7 +90,7 @@ TEST_P(Escape, SwingsUpWhatItCannotLift) {
     const Pendulum pendulum = draw_pendulum(seed);
     const Outcome result = run_pendulum(pendulum_config(GetParam(), pendulum, seed), pendulum);
     std::printf("seed %u, %.3f kg: within %.3f rad\n", static_cast<unsigned>(seed), pendulum.mass_kg, result.sway_rad);
-    EXPECT_LT(result.sway_rad, 0.2) << seed;
+    EXPECT_LT(result.sway_rad, 0.02) << seed;  // ten times what the noise of the sensor does
   }
 }
 

@@ -1,4 +1,4 @@
-// hybrid: what refining by multiple shooting gains in closed loop, and that no plan costs more than those it began
+// hybrid: which swing-up it finds in closed loop, that it holds what falls under its inputs alone, and that no plan costs more than those it began
 // from.
 
 #include <gtest/gtest.h>
@@ -31,16 +31,19 @@ double closed_loop_cost(const tiller_config_t& c) {
   return sum;
 }
 
-TEST(Hybrid, multiple_shooting_finds_the_better_swing_up) {
-  int found = 0;
+/// Single shooting ends in the minimum next to where it begins: it is the scout that finds the better one.
+TEST(Hybrid, finds_the_better_swing_up) {
+  int by_single = 0, by_multiple = 0;
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
     const double single = closed_loop_cost(hybrid_config(tiller_shooting_single, 5, seed)),
                  multiple = closed_loop_cost(hybrid_config(tiller_shooting_multiple, 5, seed));
     std::printf("seed %u: half the cost %.2f by single, %.2f by multiple shooting\n", static_cast<unsigned>(seed),
                 single, multiple);
-    found += multiple < 0.75 * single && multiple < 105.0;  // 95.09 is the best that any solver is known to find
+    by_single += single < 105.0;  // 95.09 is the best that any solver is known to find
+    by_multiple += multiple < 105.0;
   }
-  EXPECT_GE(found, 8);  // some samples lie in another valley
+  EXPECT_GE(by_single, 6);  // some samples lie in another valley
+  EXPECT_GE(by_multiple, 8);
 }
 
 /// The cost that a plan reports is that of its sequence, and neither the shifted old one nor the sampled one is
