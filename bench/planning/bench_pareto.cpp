@@ -6,7 +6,7 @@
 // angles see the same problem mirrored), so every planner is judged by the same function.
 //
 //   bench_pareto [--planner NAME] [--seeds FIRST COUNT] [--repeats N] [--starts N] [--horizon N] [--noise SD]
-//                [--settings TEXT]...
+//                [--temperature T] [--settings TEXT]...
 //
 // One JSON line for each setting; of several --settings, all texts have to be in its name.
 //
@@ -176,6 +176,7 @@ bool has_all(const std::string& settings, const std::vector<std::string>& texts)
 /// Runs from hanging, a seed each.
 void print_hanging(const std::string& name, const Point& point, std::uint64_t first, std::uint64_t runs, double clock) {
   std::vector<double> costs, times, tails;
+  double sum = 0.0;
   for (std::uint64_t i = 0; i < runs; ++i) {
     tiller::Config config = point.config;
     config.seed = sampled(name) ? first + i : 1;
@@ -183,12 +184,13 @@ void print_hanging(const std::string& name, const Point& point, std::uint64_t fi
     costs.push_back(r.cost);
     times.push_back(r.step_us);
     tails.push_back(r.p99_us);
+    sum += r.cost;
   }
   std::printf(
-      "{\"planner\": \"%s\", \"settings\": \"%s\", \"cost\": %.6g, \"worst_cost\": %.6g, \"us\": %.4g, "
+      "{\"planner\": \"%s\", \"settings\": \"%s\", \"cost\": %.6g, \"mean\": %.6g, \"worst_cost\": %.6g, \"us\": %.4g, "
       "\"p99_us\": %.4g, \"runs\": %zu}\n",
-      name.c_str(), point.settings.c_str(), median(costs), *std::max_element(costs.begin(), costs.end()), median(times),
-      median(tails), costs.size());
+      name.c_str(), point.settings.c_str(), median(costs), sum / static_cast<double>(runs),
+      *std::max_element(costs.begin(), costs.end()), median(times), median(tails), costs.size());
   std::fflush(stdout);
 }
 
@@ -221,7 +223,7 @@ int main(int argc, char** argv) {
   std::vector<std::string> texts;
   std::uint64_t first = 1, seeds = 5;
   int repeats = 3, starts = 0, horizon = 0;
-  double noise = 0.0;
+  double noise = 0.0, temperature = 0.0;
   for (int i = 1; i < argc; ++i) {
     if (!std::strcmp(argv[i], "--planner") && i + 1 < argc)
       only = argv[++i];
@@ -235,6 +237,8 @@ int main(int argc, char** argv) {
       horizon = bench::whole_number(argv[++i]);
     else if (!std::strcmp(argv[i], "--noise") && i + 1 < argc)
       noise = bench::real_number(argv[++i]);
+    else if (!std::strcmp(argv[i], "--temperature") && i + 1 < argc)
+      temperature = bench::real_number(argv[++i]);
     else if (!std::strcmp(argv[i], "--seeds") && i + 2 < argc) {
       first = std::strtoull(argv[++i], nullptr, 10);
       seeds = std::strtoull(argv[++i], nullptr, 10);
@@ -251,6 +255,7 @@ int main(int argc, char** argv) {
     for (Point& point : grid(name)) {
       if (!has_all(point.settings, texts)) continue;
       if (noise > 0.0) point.config.planner.noise_sd[0] = noise;  // whatever the grid says
+      if (temperature > 0.0) point.config.planner.temperature = temperature;
       if (horizon > 0) point.config.planner.horizon = static_cast<std::uint32_t>(horizon);
       if (starts > 0)
         print_starts(name, point, starts, clock);

@@ -18,7 +18,7 @@ struct Scout {
   std::uint32_t plans = 0;      // since it began; 0: the next plan begins another
   std::uint64_t begun = 0;
   std::uint32_t tilted = 0;  // plans until its cost is the plan's again; 0: it is
-  bool motion = false;  // the path of the last plan is one
+  bool motion = false;       // the path of the last plan is one
 };
 
 void lay_out_scout(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
