@@ -320,6 +320,27 @@ TEST(RobotFile, EveryBoundKeyReachesItsField) {
 }
 
 // What a key says of its readers names planners, and `tiller planners` goes by it.
+/// What a file leaves out is chosen for `mppi` alone, and not beside what it states.
+TEST(RobotFile, MppiChoosesItsSamplesWhereTheFileDoesNot) {
+  const std::string stated = "kind = \"cem\"\nhorizon = 40\nknots = 8\nrollouts = 64\nparticles = 4\niterations = 2\n";
+  const auto planner_of = [&](const std::string& lines) {
+    std::string text = test::kGoodRobot, errors;
+    text.replace(text.find(stated), stated.size(), lines + "\nhorizon = 40\nparticles = 4\n");
+    const auto robot = parse_robot_file(text, "bench.toml", errors);
+    EXPECT_NE(robot, nullptr) << errors;
+    return robot ? robot->config.planner : tiller_planner_config_t{};
+  };
+  const tiller_planner_config_t chosen = planner_of("kind = \"mppi\"");
+  EXPECT_EQ(chosen.knots, 6u);
+  EXPECT_EQ(chosen.rollouts, 128u);
+  EXPECT_EQ(chosen.iterations, 4u);
+  EXPECT_EQ(chosen.temperature, 0.02);
+  const tiller_planner_config_t beside = planner_of("kind = \"mppi\"\ntemperature = 0.1");
+  EXPECT_EQ(beside.rollouts, 256u);
+  EXPECT_EQ(beside.iterations, 2u);
+  EXPECT_EQ(planner_of("kind = \"cem\"").iterations, 2u);
+}
+
 TEST(RobotFile, PlannersReadTheirSettings) {
   const KeySpec& elite = *find_key("planner", "elite_fraction");
   EXPECT_TRUE(planner_reads(elite, "cem"));

@@ -449,7 +449,11 @@ const char* default_of_reader(const char* field) {
       {"safety.sensor_timeout_s", "0.1; 5 periods where these are longer"},
       {"posterior.disturbance", "true for transition, else false"},
       {"cost.saturating_width", "no say"},
-      {"cost.own_weight", "1 with a cost of your own"}};
+      {"cost.own_weight", "1 with a cost of your own"},
+      {"planner.knots", "10; mppi with neither this nor rollouts, iterations, temperature: 6"},
+      {"planner.rollouts", "256; mppi likewise: 128"},
+      {"planner.iterations", "2; mppi likewise: 4"},
+      {"planner.temperature", "0.05; mppi likewise: 0.02"}};
   for (const auto& [known, text] : kKnown)
     if (std::string(field) == known) return text;
   return nullptr;
