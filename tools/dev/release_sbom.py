@@ -23,7 +23,7 @@ INSIDE = {"libeigen3-dev": "headers", "libxsimd-dev": "headers", "libode-dev": "
           "zlib1g-dev": "library", "libglib2.0-dev": "library", "liblcm1": "library",
           "osqp": "C sources", "nanobind": "sources", "jaxlib": "headers", "lcm": "library"}
 LISTS = {"apt_build": "build", "apt_deb": "build", "apt_wheel_cross": "build", "apt_test": "test",
-         "apt_cross_small": "test", "apt_fuzz": "test", "apt_style": "test"}
+         "apt_cross_small": "test", "apt_fuzz": "test", "apt_mcdc": "test", "apt_style": "test"}
 FILES = {"requirements.txt": "build", "requirements_wheel.txt": "build", "requirements_site.txt": "documentation",
          "requirements_release.txt": "release", "requirements_recipes.txt": "test", "requirements_coverage.txt": "test"}
 
