@@ -117,6 +117,15 @@ TEST(PeriodicTimer, StandsOnItsGridAndCountsWhatItSkips) {
   EXPECT_EQ(timer.lateness().count(), waits + 1);
 }
 
+TEST(PeriodicTimer, AFlagThatIsUpEndsTheLoopAfterTheWait) {
+  volatile int down = 0, up = 1;
+  PeriodicTimer timer(1000000), stopped(1000000);
+  EXPECT_TRUE(timer.wait(&down));
+  EXPECT_TRUE(timer.wait(&down));
+  EXPECT_FALSE(timer.wait(&up));
+  EXPECT_FALSE(stopped.wait(&up)) << "before the first";
+}
+
 volatile int stop_flag = 0;
 void on_alarm(int) { stop_flag = 1; }
 
@@ -130,9 +139,15 @@ TEST(PeriodicTimer, ASignalEndsTheWaitWhereItAsksFor) {
   ASSERT_TRUE(timer.wait(&stop_flag));
   ASSERT_EQ(setitimer(ITIMER_REAL, &again, nullptr), 0);
   EXPECT_FALSE(timer.wait(&stop_flag));  // an hour, but for the signal
+  EXPECT_EQ(stop_flag, 1);
+  PeriodicTimer through(100000000);  // signals that nobody asked about, or whose flag is down, end no wait
+  volatile int down = 0;
+  ASSERT_TRUE(through.wait(nullptr));
+  EXPECT_TRUE(through.wait(nullptr));
+  EXPECT_TRUE(through.wait(&down));
+  EXPECT_GE(monotonic_ns(), through.due_ns());
   again = {};
   EXPECT_EQ(setitimer(ITIMER_REAL, &again, nullptr), 0);
-  EXPECT_EQ(stop_flag, 1);
 }
 
 // ---- privileges --------------------------------------------------------------------------------------------------
@@ -280,7 +295,8 @@ long faults() {
 __attribute__((noinline)) int use_stack(int depth) {
   volatile char page[4096];
   page[0] = static_cast<char>(depth);
-  return depth > 0 ? use_stack(depth - 1) + page[0] : page[0];
+  if (depth > 0) page[0] = static_cast<char>(use_stack(depth - 1));
+  return page[0];  // behind the call: no frame is used twice
 }
 
 TEST(Realtime, ATouchedStackFaultsNoMore) {
