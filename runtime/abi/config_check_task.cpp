@@ -137,7 +137,6 @@ Finding check_outputs(const tiller_cost_config_t& c, const tiller_model_t& model
 }
 
 Finding check_own(const tiller_cost_config_t& c) {
-  if (!is_weight(c.own_weight)) return {tiller_status_bad_cost, "cost.own_weight"};
   if (c.own == nullptr) return kGood;
   if (c.own->size != sizeof(tiller_own_cost_t)) return {tiller_status_version_mismatch, "cost.own.size"};
   if (c.own->version != TILLER_CONFIG_VERSION) return {tiller_status_version_mismatch, "cost.own.version"};

@@ -62,6 +62,7 @@ void choose_cpus(std::uint64_t cpus, RealtimeOutcome& part) {
 /// Recursion, not one large array: a page at a time, so that the guard page is met by a check and not by a crash.
 __attribute__((noinline)) void touch_stack(std::size_t bytes) {
   volatile char page[4096];
+  __asm__ volatile("" : : "r"(page) : "memory");  // clang keeps no more of an array than what is used of it
   page[0] = 0;
   if (bytes > sizeof page) touch_stack(bytes - sizeof page);
   page[sizeof page - 1] = page[0];  // behind the call: no tail call may reuse the frame

@@ -41,10 +41,10 @@ TEST(Conditions, EffectsAtEveryPortCountAtEachOfThem) {
   EXPECT_EQ(effects(tiller_effect_viscous_friction, TILLER_MAX_EFFECTS / 2 + 1, TILLER_EVERY_PORT), "effect_count");
   EXPECT_EQ(effects(tiller_effect_lugre_friction, TILLER_MAX_EFFECT_STATES + 1, 0), "effect_count");
   EXPECT_EQ(refused(rig::cart_pole_config(),
-                    [](C& c) {  // 3 of the model and 62 of 31 effects
-                      c.effect_count = 31;
+                    [](C& c) {  // 3 of the model and 3 of each of 21 effects
+                      c.effect_count = 21;
                       for (std::uint32_t e = 0; e < c.effect_count; ++e) c.effects[e] = {tiller_effect_stribeck_friction, 0};
-                      c.param_count = TILLER_MAX_PARAMS + 1;
+                      c.param_count = 66;
                     }),
             "param_count");
 }
@@ -170,7 +170,7 @@ TEST(Conditions, ACostToGoThatSinglePrecisionCannotHoldIsRefused) {
   EXPECT_EQ(pendulum([](C& c) {
               c.cost.terminal = tiller_terminal_lqr;
               c.period_s = 1e-3;
-              c.priors[1] = {tiller_prior_fixed, 0, 5.0, 0, 5.0, 5.0};  // long, and the torque is dear
+              c.priors[1] = {tiller_prior_fixed, 0, 2.0, 0, 2.0, 2.0};  // long, and the torque is dear
               c.cost.state_weight[0] = c.cost.input_weight[0] = TILLER_LARGEST_WEIGHT;
             }),
             "cost.terminal");
@@ -222,6 +222,64 @@ TEST(Conditions, OfAFieldsRange) {
   for (const double v : {-kInf, kInf, 0.0, -1.0}) EXPECT_TRUE(value.holds(v)) << v;
   EXPECT_TRUE(scale.holds(kInf));
   for (const double v : {-kInf, kNan, 0.0, -1.0}) EXPECT_FALSE(scale.holds(v)) << v;
+}
+
+/// A plan's spread where the model has effects with states, a delay, and a force that wanders.
+TEST(Conditions, OfAPredictionUnderLagDelayAndForces) {
+  C config = rig::pendulum_config();
+  config.effect_count = 2;
+  config.effects[0] = {tiller_effect_actuator_lag, 0};
+  config.effects[1] = {tiller_effect_input_delay, 0};
+  config.param_count = 5;
+  config.priors[3] = {tiller_prior_uniform, 0, 0, 0, 0.01, 0.03};
+  config.priors[4] = {tiller_prior_uniform, 0, 0, 0, 0.02, 0.06};
+  config.posterior.disturbance = 1;
+  config.planner.predict_spread = 1;
+  for (const std::uint32_t ahead : {0u, 1u}) {
+    config.planner.predict_delay = ahead;
+    const char* field = "";
+    ASSERT_EQ(tiller_config_check(&config, &field), tiller_status_ok) << field;
+    rig::PendulumPlant plant;
+    rig::Loop loop(config, plant);
+    ASSERT_TRUE(loop.ready());
+    loop.activate(10);
+    double mean[2], sd[2], before = 0.0;
+    for (std::uint32_t step = 0; step <= config.planner.horizon; step += 10) {
+      ASSERT_EQ(tiller_get_prediction(loop.controller(), step, mean, sd), tiller_status_ok);
+      for (int i = 0; i < 2; ++i) EXPECT_TRUE(std::isfinite(mean[i]) && sd[i] >= 0.0) << step;
+      EXPECT_TRUE(step == 0 || sd[0] > 0.0);
+      before = sd[0];
+    }
+    EXPECT_GT(before, 0.0);
+  }
+}
+
+TEST(Conditions, OfWhatProbingStillWantsToKnow) {
+  C config = rig::pendulum_config();
+  config.probe.weight = 1.0;
+  config.initial_state[0] = config.initial_state[1] = 0.0;
+  double until[3] = {kInf, kInf, kInf};
+  const double low[] = {-3.0, -20.0}, high[] = {3.0, 20.0};
+  const auto left_after = [&](std::uint32_t ticks) {
+    rig::PendulumPlant plant;
+    rig::Loop loop(config, plant);
+    EXPECT_TRUE(loop.ready());
+    const tiller_box_t box = {sizeof(tiller_box_t), TILLER_CONFIG_VERSION, low, high, nullptr, nullptr};
+    EXPECT_EQ(tiller_calibrate(loop.controller(), &box, 40), tiller_status_ok);
+    loop.activate(static_cast<int>(ticks));
+    EXPECT_TRUE(loop.commands_allowed());
+    return loop.info().calibration_left;
+  };
+  EXPECT_GT(left_after(5), 0u) << "nothing says how well is well enough";
+  config.probe.until_sd = until;
+  EXPECT_GT(left_after(5), 0u) << "nor does this";
+  until[0] = 1e-9;
+  EXPECT_GT(left_after(5), 0u) << "better than that is wished";
+  until[0] = 1e9;
+  EXPECT_EQ(left_after(5), 0u) << "known well enough";
+  config.probe.until_sd = nullptr;
+  config.posterior.enabled = 0;
+  EXPECT_EQ(left_after(5), 0u) << "what is found out would be forgotten";
 }
 
 /// What a model's table may lack, one entry at a time.
@@ -287,7 +345,10 @@ TEST(Conditions, EveryStateAndFeatureHasAName) {
                                   "previous", "size", "position", "unknown"};
   for (int i = 0; i <= tiller_feature_count; ++i)
     EXPECT_STREQ(tiller_feature_name(static_cast<tiller_feature_t>(i)), features[i]) << i;
-  EXPECT_STREQ(tiller_feature_name(static_cast<tiller_feature_t>(99)), "unknown");
+  int beyond = 12;  // a number that a newer library may send
+  tiller_feature_t feature;
+  std::memcpy(&feature, &beyond, sizeof feature);
+  EXPECT_STREQ(tiller_feature_name(feature), "unknown");
 }
 
 TEST(Conditions, OfEachCall) {
@@ -308,6 +369,7 @@ TEST(Conditions, OfEachCall) {
   EXPECT_EQ(tiller_set_reference(t, nullptr, nullptr, 1), tiller_status_null_argument);
   EXPECT_EQ(tiller_set_reference(t, values, values, 1), tiller_status_bad_cost) << "there are no outputs";
   EXPECT_EQ(tiller_set_reference(t, nan, nullptr, 1), tiller_status_bad_cost);
+  EXPECT_EQ(tiller_set_reference(t, values, nullptr, 2), tiller_status_ok);
   EXPECT_EQ(tiller_prepare(nullptr), tiller_status_null_argument);
   EXPECT_EQ(tiller_tick(t, 0, nullptr, nullptr), tiller_status_null_argument);
   EXPECT_EQ(tiller_get_quantile(t, 0, 1.5, values), tiller_status_bad_limit);
@@ -326,6 +388,24 @@ TEST(Conditions, OfEachCall) {
   tiller_t* other = nullptr;
   rig::Block block(tiller_size(&config));
   EXPECT_EQ(tiller_init(&other, &config, &hooks, block.memory(), block.size()), tiller_status_version_mismatch);
+}
+
+TEST(Conditions, OfAReferenceForOutputsAlone) {
+  C config = arm();
+  tiller_output_cost_t outputs[2] = {{0.1, 1.0, 1.0, -1.0, 1.0, 1.0}, {0.1, 1.0, 1.0, -1.0, 1.0, 1.0}};
+  config.cost.outputs = outputs, config.cost.output_count = 2;
+  rig::Block block(tiller_size(&config));
+  tiller_t* t = nullptr;
+  ASSERT_EQ(tiller_init(&t, &config, nullptr, block.memory(), block.size()), tiller_status_ok);
+  double rows[4] = {0.1, 0.2, 0.3, 0.4}, states[8] = {};
+  EXPECT_EQ(tiller_set_reference(t, nullptr, rows, 2), tiller_status_ok);
+  EXPECT_EQ(tiller_set_reference(t, states, rows, 2), tiller_status_ok);
+  EXPECT_EQ(tiller_set_reference(t, nullptr, rows, 0), tiller_status_bad_cost);
+  EXPECT_EQ(tiller_set_output_target(t, rows), tiller_status_ok);
+  EXPECT_EQ(tiller_get_outputs(t, states), tiller_status_ok);
+  rows[1] = kNan;
+  EXPECT_EQ(tiller_set_output_target(t, rows), tiller_status_bad_cost);
+  EXPECT_EQ(tiller_set_reference(t, nullptr, rows, 2), tiller_status_bad_cost);
 }
 
 TEST(Conditions, OfACalibrationsBox) {

@@ -77,10 +77,16 @@ TEST(QuaternionCheck, IsMeasuredWholeAndInOrderOrNotAtAll) {
   EXPECT_EQ(refused([](C& c) { c.measurement_count = 6; }), "measured_state[3]");
   EXPECT_EQ(refused([](C& c) { c.measured_state[4] = 5, c.measured_state[5] = 4; }), "measured_state[3]");
   EXPECT_EQ(refused([](C& c) { c.measurement_count = 3; }), "");
+  EXPECT_EQ(refused([](C& c) {
+              for (std::uint8_t i = 3; i < 7; ++i) c.measured_state[i] = static_cast<std::uint8_t>(i == 6 ? 3 : i + 1);
+            }),
+            "measured_state[3]")
+      << "it begins with w";
 }
 
 TEST(QuaternionCheck, WhatDoesNotKnowThemIsRefusedByName) {
   EXPECT_EQ(refused([](C& c) { c.planner.kind = tiller_planner_sqp; }), "") << "linearises as ilqr does";
+  EXPECT_EQ(refused([](C& c) { c.cost.demonstration_weight = 1.0; }), "cost.demonstration_weight");
   EXPECT_EQ(refused([](C& c) { c.posterior.kind = tiller_posterior_transition; }), "posterior.kind");
   EXPECT_EQ(refused([](C& c) { c.posterior.kind = tiller_posterior_conjugate; }), "posterior.kind");
   EXPECT_EQ(refused([](C& c) { c.effect_count = 1, c.effects[0] = {tiller_effect_sensor_bias, 4}; }), "effects[0]");

@@ -294,6 +294,7 @@ long faults() {
 
 __attribute__((noinline)) int use_stack(int depth) {
   volatile char page[4096];
+  __asm__ volatile("" : : "r"(page) : "memory");
   page[0] = static_cast<char>(depth);
   if (depth > 0) page[0] = static_cast<char>(use_stack(depth - 1));
   return page[0];  // behind the call: no frame is used twice

@@ -195,12 +195,15 @@ TEST(OutputGate, HoldAndSafeCommandsPassTheConesToo) {
 }
 
 TEST(OutputGate, ConesThatTheLimitsDoNotFitLeaveTheSafeCommandAlone) {
-  for (int fault = 0; fault < 4; ++fault) {
+  for (int fault = 0; fault < 7; ++fault) {
     GateLimits limits = friction();
     if (fault == 0) limits.cones.cone[0].limit = kNan;
     if (fault == 1) limits.low[2] = -3.0;  // 1 - 0.5 * 3 is below 0
     if (fault == 2) limits.low[0] = 0.5, limits.safe_command[0] = 0.5;
     if (fault == 3) limits.cones.cone[0].inputs = 0b1011;
+    if (fault == 4) limits.cones.cone[0].slope = kNan;
+    if (fault == 5) limits.cones.cone[0].axis = 3;
+    if (fault == 6) limits.cones.cone[0].inputs = 0b111;  // the axis stands in the norm
     OutputGate gate(limits);
     const double wanted[] = {2.0, 1.0, 3.0};
     double out[3];
@@ -208,6 +211,17 @@ TEST(OutputGate, ConesThatTheLimitsDoNotFitLeaveTheSafeCommandAlone) {
     EXPECT_EQ(out[0], limits.safe_command[0]) << fault;
     EXPECT_EQ(out[2], limits.safe_command[2]) << fault;
   }
+}
+
+TEST(OutputGate, AConeWithoutASlopeReadsNoAxis) {
+  GateLimits limits = friction();
+  limits.cones.cone[0].slope = 0.0, limits.cones.cone[0].axis = 99;
+  OutputGate gate(limits);
+  const double wanted[] = {3.0, 4.0, 3.0};
+  double out[3];
+  EXPECT_EQ(gate.pass(wanted, wanted, kPeriod_s, out), tiller_status_command_limited);
+  EXPECT_NEAR(std::hypot(out[0], out[1]), 1.0, 1e-12);
+  EXPECT_EQ(out[2], 3.0);
 }
 
 TEST(OutputGate, NothingGetsThrough) {

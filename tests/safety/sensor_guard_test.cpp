@@ -301,5 +301,27 @@ TEST(SensorGuard, AnAttitudeHasTwoSignsAndOneLength) {
   EXPECT_EQ(verdict_on(guard, 7 * kPeriod_us, 0.6, kNan, 0, 0), tiller_status_ok) << "a part is missing";
 }
 
+/// Values before and behind an attitude have no second sign.
+TEST(SensorGuard, OnlyAnAttitudesValuesHaveTwoSigns) {
+  SensorLimits limits = attitude_alone();
+  limits.count = 6;
+  limits.quaternion_mask = 2u;  // values 1 to 4
+  limits.low[4] = limits.low[5] = -kInf, limits.high[4] = limits.high[5] = kInf;
+  limits.rate_per_s[4] = limits.rate_per_s[5] = 0.5;
+  for (int single : {0, 5}) {
+    SensorGuard guard(limits);
+    tiller_measurement_t m = {};
+    m.value[0] = m.value[5] = 1.0;
+    m.value[1] = 0.6, m.value[2] = 0.8;
+    EXPECT_EQ(guard.check(0, &m).status, tiller_status_ok);
+    m.stamp_us = kPeriod_us;
+    for (int i = 1; i < 5; ++i) m.value[i] = -m.value[i];
+    EXPECT_EQ(guard.check(kPeriod_us, &m).status, tiller_status_ok);
+    m.stamp_us = 2 * kPeriod_us;
+    m.value[single] = -1.0;
+    EXPECT_EQ(guard.check(2 * kPeriod_us, &m).status, tiller_status_sensor_jump) << single;
+  }
+}
+
 }  // namespace
 }  // namespace tiller
