@@ -70,7 +70,7 @@ const char* motor_error(const CanLayout& layout, std::uint32_t i) {
 // A board's readings and a motor's must be of one time. A motor that answers commands alone has answered the last one:
 // a period ago.
 bool is_of_another_time(const CanLayout& layout, const CanChannel& channel) {
-  if (channel.source == CanSource::kSensor || layout.sensor_node == CanLayout::kNoBoard) return false;
+  if (layout.sensor_node == CanLayout::kNoBoard) return false;
   const ActuatorSettings& drive = layout.motors[channel.index].drive;
   return (actuator_protocol(drive.kind).capabilities & (kSpeaksUnasked | kAnswersQueries)) == 0;
 }
@@ -193,7 +193,7 @@ void CanRobot::take_stamp(const BoardFrame& frame) {
 // One node sends its frames in order, so a part of another sequence means that the rest of this one is lost.
 void CanRobot::begin(std::uint16_t sequence_low) {
   if (assembling_ && sequence_low_ == sequence_low) return;
-  if (assembling_ && (has_stamp_ || have_values_ != 0)) ++dropped_old_;
+  if (assembling_) ++dropped_old_;  // a part of it is here
   assembling_ = true;
   sequence_low_ = sequence_low;
   has_stamp_ = false;

@@ -275,7 +275,7 @@ UdpRead UdpMulticast::read(UdpDatagram* datagram) {
   do {
     size = recvmsg(socket_, &message, MSG_DONTWAIT);
   } while (size < 0 && errno == EINTR);
-  if (size < 0) return errno == EAGAIN || errno == EWOULDBLOCK ? UdpRead::kNothing : UdpRead::kFailed;
+  if (size < 0) return errno == EAGAIN ? UdpRead::kNothing : UdpRead::kFailed;
   datagram->size = static_cast<std::uint32_t>(size);
   datagram->waited_us = waited_us(message);
   datagram->refusal = nullptr;
@@ -293,7 +293,7 @@ tiller_status_t UdpMulticast::send(const std::uint8_t* bytes, std::uint32_t size
   const ssize_t sent =
       sendto(socket_, bytes, size, MSG_DONTWAIT | MSG_NOSIGNAL, reinterpret_cast<const sockaddr*>(&to), sizeof to);
   if (sent == static_cast<ssize_t>(size)) return tiller_status_ok;
-  const bool full = errno == ENOBUFS || errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR;
+  const bool full = errno == ENOBUFS || errno == EAGAIN || errno == EINTR;
   return full ? tiller_status_queue_full : tiller_status_io_error;
 }
 

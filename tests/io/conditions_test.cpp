@@ -222,6 +222,37 @@ TEST(Conditions, APlainDriveThatAnswersIsTakenForEnabledOnceItWasAsked) {
   EXPECT_EQ(a.axis.receive(answer, 0), ActuatorReceipt::refused);
 }
 
+TEST(Conditions, ADriveThatProvesThatItIsOffIsNotConfirmedToMove) {
+  ActuatorSettings s = mit();
+  s.reply = MitReply::damiao;
+  Axis a(ActuatorMode::torque, 0.0, s);
+  CanFrame answer;
+  answer.id = 17, answer.length = 8, answer.data[0] = 1;  // disabled
+  (void)a.command(false, 0.0);
+  EXPECT_EQ(a.axis.receive(answer, 0), ActuatorReceipt::taken);
+  EXPECT_FALSE(a.axis.is_confirmed());
+  (void)a.command(true, 0.0);
+  answer.data[0] = 0x11;
+  EXPECT_EQ(a.axis.receive(answer, 0), ActuatorReceipt::taken);
+  EXPECT_TRUE(a.axis.is_confirmed());
+}
+
+TEST(Conditions, AMoteusFrameIsNoLongerThanAFrame) {
+  CanFrame frame;
+  frame.id = 1u << 8, frame.extended = frame.fd = true, frame.length = 65;
+  ActuatorReport report;
+  EXPECT_EQ(actuator_protocol(ActuatorKind::moteus).receive(moteus(), frame, report), ActuatorReceipt::refused);
+}
+
+TEST(Conditions, AnInterfacesClockThatGoesBackALittleBeginsAWindow) {
+  InterfaceClock clock;
+  ArrivalStamp stamp;
+  stamp.kernel_ns = 5000000000, stamp.interface_ns = 1000000000;
+  EXPECT_EQ(clock.arrival_ns(stamp), stamp.kernel_ns);
+  stamp.kernel_ns -= 1000, stamp.interface_ns -= 1000;
+  EXPECT_EQ(clock.arrival_ns(stamp), stamp.kernel_ns);
+}
+
 // ---- the bus ----
 
 TEST(Conditions, FiltersOverlapInTheBitsThatBothAskFor) {
@@ -400,7 +431,12 @@ TEST(Conditions, EveryMessageComesBackAndNoOtherLengthIsTaken) {
   auto telemetry = blank<LcmTelemetry>();
   telemetry.tick = 4, telemetry.state_count = 2, telemetry.param_count = 3, telemetry.param_mean[2] = 1.5;
   comes_back(lcm_telemetry_type(2, 3), telemetry);
-  for (const auto& wide : {&lcm_telemetry_type(13, 3), &lcm_telemetry_type(2, 25)}) comes_back(*wide, telemetry);
+  volatile std::uint32_t sizes[][2] = {{13, 3}, {2, 25}, {12, 24}};
+  for (const auto& s : sizes) {
+    const LcmType& type = lcm_telemetry_type(s[0], s[1]);
+    EXPECT_EQ(&type == &kLcmTelemetryType, s[0] == 12);
+    comes_back(type, telemetry);
+  }
 }
 
 TEST(Conditions, ACountBeyondItsArrayIsNeitherMeasuredNorWritten) {

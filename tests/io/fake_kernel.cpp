@@ -44,9 +44,9 @@ bool refuses(const std::string& call) {
 
 bool is_can(int socket) { return can_sockets.count(socket) > 0; }
 
-void add_note(msghdr* message, std::size_t& used, int type, const void* data, std::size_t size) {
+void add_note(msghdr* message, std::size_t& used, int level, int type, const void* data, std::size_t size) {
   auto* note = reinterpret_cast<cmsghdr*>(static_cast<char*>(message->msg_control) + used);
-  note->cmsg_level = SOL_SOCKET, note->cmsg_type = type, note->cmsg_len = CMSG_LEN(size);
+  note->cmsg_level = level, note->cmsg_type = type, note->cmsg_len = CMSG_LEN(size);
   std::memcpy(CMSG_DATA(note), data, size);
   used += CMSG_SPACE(size);
 }
@@ -67,13 +67,14 @@ ssize_t read_can(msghdr* message) {
   message->msg_flags = arrival.own ? MSG_CONFIRM : 0;
   std::size_t used = 0;
   std::memset(message->msg_control, 0, message->msg_controllen);
-  if (arrival.foreign_note) add_note(message, used, SO_TIMESTAMP, &arrival.size, sizeof arrival.size);
+  if (arrival.foreign_level != 0)
+    add_note(message, used, arrival.foreign_level, SO_TIMESTAMP, &arrival.size, sizeof arrival.size);
   if (arrival.stamp_ns != 0) {
     const timespec times[3] = {{arrival.stamp_ns / 1000000000, arrival.stamp_ns % 1000000000}, {}, {}};
-    add_note(message, used, SO_TIMESTAMPING, times, sizeof times);
+    add_note(message, used, SOL_SOCKET, SO_TIMESTAMPING, times, sizeof times);
   }
   const auto drops = static_cast<std::uint32_t>(arrival.drops);
-  if (arrival.drops >= 0) add_note(message, used, SO_RXQ_OVFL, &drops, sizeof drops);
+  if (arrival.drops >= 0) add_note(message, used, SOL_SOCKET, SO_RXQ_OVFL, &drops, sizeof drops);
   message->msg_controllen = used;
   return static_cast<ssize_t>(arrival.size);
 }
@@ -124,6 +125,8 @@ int connect(int socket, const sockaddr* address, socklen_t size) {
 
 int setsockopt(int socket, int level, int name, const void* value, socklen_t size) {
   if (refuses("setsockopt " + std::to_string(level) + " " + std::to_string(name))) return -1;
+  if (the_kernel.no_stamps && level == SOL_SOCKET && (name == SO_TIMESTAMPING || name == SO_TIMESTAMPNS))
+    return errno = the_kernel.error, -1;
   if (!is_can(socket))
     return real<int (*)(int, int, int, const void*, socklen_t)>("setsockopt")(socket, level, name, value, size);
   if (!the_kernel.foreign_options) return 0;
@@ -199,7 +202,40 @@ ssize_t sendto(int socket, const void* data, std::size_t size, int flags, const 
 
 int getifaddrs(ifaddrs** list) {
   if (refuses("getifaddrs")) return -1;
+  if (the_kernel.made_up_addresses > 0) {
+    static ifaddrs entries[200];
+    static sockaddr_in address;
+    address.sin_family = AF_INET;
+    for (int i = 0; i < the_kernel.made_up_addresses; ++i) {
+      entries[i] = ifaddrs{};
+      entries[i].ifa_next = i + 1 < the_kernel.made_up_addresses ? &entries[i + 1] : nullptr;
+      entries[i].ifa_addr = i > 0 ? reinterpret_cast<sockaddr*>(&address) : nullptr;
+    }
+    *list = entries;
+    return 0;
+  }
   return real<int (*)(ifaddrs**)>("getifaddrs")(list);
+}
+
+void freeifaddrs(ifaddrs* list) {
+  if (the_kernel.made_up_addresses == 0) real<void (*)(ifaddrs*)>("freeifaddrs")(list);
+}
+
+int getrlimit(__rlimit_resource_t resource, rlimit* limit) {
+  if (refuses("getrlimit")) return -1;
+  const int result = real<int (*)(__rlimit_resource_t, rlimit*)>("getrlimit")(resource, limit);
+  if (resource == RLIMIT_MEMLOCK && the_kernel.memory_lock != 0) limit->rlim_cur = the_kernel.memory_lock;
+  return result;
+}
+
+int mlockall(int flags) {
+  if (refuses("mlockall")) return -1;
+  return real<int (*)(int)>("mlockall")(flags);
+}
+
+int pthread_getattr_np(pthread_t thread, pthread_attr_t* attributes) {
+  if (refuses("pthread_getattr_np")) return ENOMEM;
+  return real<int (*)(pthread_t, pthread_attr_t*)>("pthread_getattr_np")(thread, attributes);
 }
 
 ssize_t getrandom(void* bytes, std::size_t size, unsigned flags) {
@@ -219,6 +255,11 @@ ssize_t read(int descriptor, void* bytes, std::size_t size) {
 
 int clock_gettime(clockid_t clock, timespec* now) {
   const int result = static_cast<int>(syscall(SYS_clock_gettime, clock, now));
+  if (clock == CLOCK_MONOTONIC && the_kernel.monotonic_step_ns != 0) {
+    const std::int64_t ns = now->tv_sec * 1000000000 + now->tv_nsec +
+                            (the_kernel.passed_ns += the_kernel.monotonic_step_ns);
+    *now = {ns / 1000000000, ns % 1000000000};
+  }
   if (clock != CLOCK_REALTIME || the_kernel.realtime_step_ns == 0) return result;
   const std::int64_t ns = now->tv_sec * 1000000000 + now->tv_nsec + the_kernel.realtime_step_ns;
   *now = {ns / 1000000000, ns % 1000000000};

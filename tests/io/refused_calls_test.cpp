@@ -1,6 +1,8 @@
 // What io asks of the system beside CAN, refused: UDP, keys, random numbers, liblcm.
 #include <gtest/gtest.h>
 #include <lcm/lcm.h>
+#include <arpa/inet.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -16,7 +18,10 @@
 #include "io/lcm_transport.hpp"
 #include "io/liblcm_backend.hpp"
 #include "io/message_seal.hpp"
+#include "io/lc02.hpp"
+#include "io/lcm_messages.hpp"
 #include "io/random_secret.hpp"
+#include "io/realtime.hpp"
 #include "io/udp_multicast.hpp"
 
 namespace {
@@ -134,6 +139,144 @@ TEST_F(RefusedCalls, UrlsAreReadToTheLastLetter) {
         "udpm://239.0.0.256", "udpm://239.0.0.1:1 ", "udpm://239.0.0.1:1?ttl=", "udpm://239.0.0.1:1?ttl=256",
         "udpm://239.0.0.1:1?recv_buf_size=", "udpm://239.0.0.1:1?ttl=1;", "udpm://239.0.0.1:1?hops=1"})
     EXPECT_NE(parse_udpm_url(wrong, &url), nullptr) << wrong;
+}
+
+TEST_F(RefusedCalls, WhoSentItAndHowMuchIsLookedAt) {
+  UdpMulticast udp;
+  kernel().made_up_addresses = 200;
+  ASSERT_EQ(udp.open(loopback_url(), std::string(70, 'A').c_str(), &error), tiller_status_ok) << "more than it keeps";
+  const int sender = ::socket(AF_INET, SOCK_DGRAM, 0);
+  sockaddr_in from{}, to{};
+  from.sin_family = to.sin_family = AF_INET;
+  from.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  to.sin_addr.s_addr = inet_addr("239.255.76.67");
+  to.sin_port = htons(7667);
+  ASSERT_EQ(::bind(sender, reinterpret_cast<const sockaddr*>(&from), sizeof from), 0);
+  const in_addr loopback = from.sin_addr;
+  ASSERT_EQ(setsockopt(sender, IPPROTO_IP, IP_MULTICAST_IF, &loopback, sizeof loopback), 0);
+  static const char bytes[UdpDatagram::kCapacity + 100] = {};
+  UdpDatagram datagram;
+  for (const std::size_t size : {std::size_t{10}, sizeof bytes}) {
+    ASSERT_EQ(::sendto(sender, bytes, size, 0, reinterpret_cast<const sockaddr*>(&to), sizeof to),
+              static_cast<ssize_t>(size));
+    ASSERT_EQ(udp.read(&datagram), UdpRead::kDatagram);
+    EXPECT_EQ(datagram.refusal != nullptr, size > UdpDatagram::kCapacity);
+  }
+  ::close(sender);
+}
+
+LcmOptions by_udp() {
+  LcmOptions options;
+  options.url = "udpm://239.255.76.67:7667?ttl=0";
+  options.channel_prefix = "";
+  options.measurement_count = options.input_count = 1;
+  return options;
+}
+
+TEST_F(RefusedCalls, AFloodHoldsNoTickAndABrokenSocketIsTold) {
+  LcmTransport transport;
+  ASSERT_EQ(lcm_transport_open(&transport, by_udp(), &error), tiller_status_ok) << error.text;
+  UdpMulticast other;
+  ASSERT_EQ(other.open(loopback_url(), "OTHER", &error), tiller_status_ok);
+  std::uint8_t packet[64];
+  const std::uint32_t size = lc02_begin(packet, sizeof packet, 0, "MEASUREMENT");
+  for (int i = 0; i < 300; ++i) ASSERT_EQ(other.send(packet, size), tiller_status_ok);
+  tiller_measurement_t measurement;
+  EXPECT_EQ(kLcmTransport.poll(&transport, &measurement), tiller_status_no_new_measurement);
+  const std::uint64_t handled = transport.counters.bad_messages;
+  EXPECT_LE(handled, 256u);
+  EXPECT_GT(handled, 0u);
+  kernel().datagram_error = EIO;
+  EXPECT_EQ(kLcmTransport.poll(&transport, &measurement), tiller_status_io_error);
+  other.close();
+  kLcmTransport.close(&transport);
+}
+
+TEST_F(RefusedCalls, TelemetryStopsAtTheFirstMessageThatDoesNotGoOut) {
+  LcmTransport transport;
+  ASSERT_EQ(lcm_transport_open(&transport, by_udp(), &error), tiller_status_ok) << error.text;
+  tiller_info_t info{};
+  const auto tell = [&](std::uint32_t states, std::uint32_t params) {
+    return lcm_send_telemetry(&transport, 0, info, states, params, {});
+  };
+  EXPECT_EQ(tell(1, 1), tiller_status_ok);
+  EXPECT_EQ(tell(TILLER_MAX_STATES + 1, 1), tiller_status_bad_dimension);
+  EXPECT_EQ(tell(1, TILLER_MAX_PARAMS + 1), tiller_status_bad_dimension);
+  info.force_joints = 1;
+  info.probing = tiller_probing_plan;
+  const std::uint32_t before = transport.packets_sent;
+  EXPECT_EQ(tell(1, 1), tiller_status_ok);
+  EXPECT_EQ(transport.packets_sent, before + 3) << "telemetry, forces, probing";
+  kernel().datagram_error = EIO;
+  EXPECT_EQ(tell(1, 1), tiller_status_io_error);
+  EXPECT_EQ(transport.packets_sent, before + 4);
+  kLcmTransport.close(&transport);
+}
+
+TEST_F(RefusedCalls, AnAnswerIsRepeatedWhileThereIsSomewhereToSendIt) {
+  LcmTransport transport;
+  LcmOptions options = by_udp();
+  options.lockstep = true;
+  ASSERT_EQ(lcm_transport_open(&transport, options, &error), tiller_status_ok) << error.text;
+  LcmMeasurement message{};
+  message.count = 1, message.valid_mask = 1, message.sequence = 1;
+  std::uint8_t bytes[256];
+  const std::uint32_t size = lcm_encode(kLcmMeasurementType, &message, bytes);
+  const auto take = [&] { return lcm_take_measurement(&transport, bytes, size, 0); };
+  EXPECT_TRUE(take());
+  tiller_command_t command{};
+  EXPECT_EQ(kLcmTransport.send(&transport, &command), tiller_status_ok);
+  EXPECT_FALSE(take());
+  EXPECT_EQ(transport.repeated_answers, 1u);
+  kernel().datagram_error = EIO;
+  EXPECT_FALSE(take());
+  EXPECT_EQ(transport.repeated_answers, 1u) << "it did not go out";
+  kLcmTransport.close(&transport);
+  EXPECT_FALSE(take());
+  EXPECT_EQ(transport.repeated_answers, 1u);
+}
+
+// ---- real time ----
+
+TEST_F(RefusedCalls, MemoryIsLockedWithoutALimitAlone) {
+  RealtimeOptions options;
+  options.lock_memory = true;
+  const auto given = [&] {
+    const RealtimeReport report = realtime_begin(options);
+    realtime_end(report);
+    return report[RealtimePart::memory].given;
+  };
+  kernel().only = "mlockall";
+  kernel().memory_lock = RLIM_INFINITY;
+  EXPECT_FALSE(given()) << "refused";
+  kernel().only = "getrlimit";
+  (void)given();  // by the capability then, or not
+  kernel().only.clear();
+  kernel().memory_lock = 65536;
+  (void)given();
+  options = {};
+  options.stack_bytes = 65536;
+  kernel().only = "pthread_getattr_np";
+  EXPECT_FALSE(realtime_begin(options)[RealtimePart::stack].given) << "where the stack ends is not known";
+  kernel().only.clear();
+  options.stack_bytes = RealtimeOptions::kMostStack;
+  const RealtimeReport most = realtime_begin(options);
+  EXPECT_TRUE(most[RealtimePart::stack].given || most[RealtimePart::stack].error == ENOMEM);
+  options.stack_bytes = RealtimeOptions::kMostStack + 1;
+  EXPECT_FALSE(realtime_begin(options)[RealtimePart::stack].given);
+  EXPECT_FALSE(realtime_begin(options).complete());
+}
+
+TEST_F(RefusedCalls, OnlyWhatWasGivenIsGivenBack) {
+  for (const RealtimePart part : {RealtimePart::priority, RealtimePart::cpus, RealtimePart::memory}) {
+    RealtimeReport report;
+    report.part[static_cast<int>(part)].asked = report.part[static_cast<int>(part)].given = true;
+    EXPECT_TRUE(report.complete());
+    realtime_end(report);
+    report.part[static_cast<int>(part)].given = false;
+    EXPECT_FALSE(report.complete());
+    realtime_end(report);
+  }
 }
 
 // ---- keys and random numbers ----

@@ -164,6 +164,11 @@ TEST_F(SocketCanKernel, EachReasonHasItsRemedy) {
   kernel().up = true;
   kernel().fd = false;
   EXPECT_TRUE(holds(open(with_fd()), "carries no CAN FD, which moteus needs"));
+  SocketCanOptions second = pendulum();
+  second.layout.motors[1] = with_fd().layout.motors[0];
+  second.layout.motors[1].node = 2;
+  second.layout.motor_count = 2;
+  EXPECT_TRUE(holds(open(second), "which moteus needs"));
   EXPECT_EQ(open(pendulum()), "") << "nobody needs it";
   SocketCanOptions none = pendulum();
   none.interface = nullptr;
@@ -188,6 +193,23 @@ TEST_F(SocketCanKernel, ASocketOfAnotherProgramIsTakenWithTheOptionsThatItHas) {
     EXPECT_TRUE(holds(error.text, "is no CAN socket")) << error.text;
   }
   fake_kernel::reset();
+  const auto take_over = [&] {  // one that does not open closes what it took
+    const std::string fresh = "fd:" + std::to_string(::socket(PF_CAN, SOCK_RAW, CAN_RAW));
+    SocketCanOptions of_fresh = options;
+    of_fresh.interface = fresh.c_str();
+    SocketCanTransport taken;
+    const tiller_status_t opened = socketcan_open(&taken, of_fresh, &error);
+    kSocketCanTransport.close(&taken);
+    return opened;
+  };
+  kernel().only = "setsockopt 101 1";
+  EXPECT_EQ(take_over(), tiller_status_io_error) << "known, and refused";
+  kernel().only.clear();
+  kernel().no_stamps = true;
+  EXPECT_EQ(take_over(), tiller_status_io_error);
+  kernel().error = ENOPROTOOPT;
+  EXPECT_EQ(take_over(), tiller_status_ok);
+  fake_kernel::reset();
   kernel().bound = false;
   SocketCanTransport other;
   EXPECT_EQ(socketcan_open(&other, options, &error), tiller_status_io_error);
@@ -201,6 +223,10 @@ TEST_F(SocketCanKernel, ASocketOfAnotherProgramIsTakenWithTheOptionsThatItHas) {
 }
 
 TEST_F(SocketCanKernel, AnUnknownOptionOfOnesOwnSocketIsToldOf) {
+  kernel().no_stamps = true;
+  kernel().error = ENOPROTOOPT;
+  EXPECT_TRUE(holds(open(pendulum()), "cannot set a socket option"));
+  kernel().no_stamps = false;
   kernel().foreign_options = true;
   EXPECT_TRUE(holds(open(pendulum()), "cannot set a socket option"));
 }
@@ -234,9 +260,10 @@ TEST_F(SocketCanKernel, FramesThatTheKernelDroppedAreCounted) {
   open_ready();
   Arrival a = arrival(kHeartbeat);
   a.drops = 3;
-  a.foreign_note = true;
+  a.foreign_level = SOL_SOCKET;
   (void)poll(a);
   EXPECT_EQ(counters().overflows, 3u);
+  a.foreign_level = SOL_CAN_RAW;
   (void)poll(a);
   EXPECT_EQ(counters().overflows, 3u) << "the same count again";
 }
@@ -281,6 +308,9 @@ TEST_F(SocketCanKernel, AnInterfaceThatWentAwayIsLookedForUntilItIsBack) {
       EXPECT_FALSE(kernel().bound);
     }
     kernel().only.clear();
+    kernel().bound = true;
+    EXPECT_EQ(poll(), tiller_status_transport_closed) << "it was down and is still bound: frames will tell";
+    kernel().bound = false;
     EXPECT_EQ(poll(), tiller_status_transport_closed) << "bound again, and not heard of yet";
     EXPECT_TRUE(kernel().bound);
     EXPECT_EQ(poll(arrival(kHeartbeat)), tiller_status_no_new_measurement);
@@ -302,8 +332,13 @@ TEST_F(SocketCanKernel, ABabblingBusHoldsNoTick) {
   kernel().arrivals.assign(1000, arrival(kHeartbeat));
   (void)poll();
   EXPECT_EQ(counters().received, 512u);
+  kernel().arrivals.assign(1000, arrival(kHeartbeat));
   EXPECT_EQ(socketcan_ask(&transport), tiller_status_ok);
-  EXPECT_TRUE(kernel().arrivals.empty());
+  EXPECT_EQ(kernel().arrivals.size(), 488u);
+  EXPECT_EQ(send(), tiller_status_ok);
+  kernel().arrivals.assign(1000, arrival(kHeartbeat));
+  (void)send();
+  EXPECT_EQ(kernel().arrivals.size(), 488u);
 }
 
 TEST_F(SocketCanKernel, StampsAreTakenUnlessTheClockWasSet) {
@@ -322,6 +357,32 @@ TEST_F(SocketCanKernel, StampsAreTakenUnlessTheClockWasSet) {
     EXPECT_NEAR(static_cast<double>(transport.clock_offset_us - offset_us), 0.0, 1e7) << "an hour is noticed";
   }
   EXPECT_EQ(counters().received, 4u);
+  kernel().realtime_step_ns = 0;
+  kernel().monotonic_step_ns = 3000000;  // held up between the clocks, time after time
+  (void)poll(a);
+  EXPECT_EQ(counters().received, 5u);
+}
+
+TEST_F(SocketCanKernel, AnEncodersReadingIsAMeasurement) {
+  SocketCanOptions options = pendulum();
+  options.layout.sensor_node = CanLayout::kNoBoard;
+  options.layout.channels[0] = {CanSource::kMotorPosition, 0};
+  ASSERT_EQ(open(options), "");
+  EXPECT_EQ(poll(arrival(1u << 5 | 9u)), tiller_status_ok);
+}
+
+TEST_F(SocketCanKernel, ABoardsStampAsksDrivesThatAnswer) {
+  SocketCanOptions options = with_fd();
+  options.layout.channels[0] = {CanSource::kMotorPosition, 0};
+  options.layout.motors[1] = options.layout.motors[0];
+  options.layout.motors[1].node = 2;
+  options.layout.motor_count = 2;
+  ASSERT_EQ(open(options), "");
+  (void)poll(arrival(48u << 5));
+  EXPECT_FALSE(kernel().sent.empty()) << "a query";
+  kernel().sent.clear();
+  EXPECT_EQ(send(), tiller_status_ok);
+  EXPECT_GE(kernel().sent.size(), 2u) << "a set point for each";
 }
 
 // ---- sending ----
@@ -363,6 +424,13 @@ TEST_F(SocketCanKernel, SetPointsWaitForThoseThatAreNotOnTheBusYet) {
   EXPECT_TRUE(holds(socketcan_fault_text(&transport), "does not get onto the bus"));
   EXPECT_EQ(poll(echo()), tiller_status_no_new_measurement);
   EXPECT_EQ(poll(echo()), tiller_status_no_new_measurement) << "one more than was sent";
+  options.confirm_timeout_us = 3600000000;
+  kSocketCanTransport.close(&transport);
+  ASSERT_EQ(open(options), "");
+  EXPECT_EQ(send(), tiller_status_ok);
+  EXPECT_EQ(poll(echo()), tiller_status_no_new_measurement);
+  EXPECT_EQ(send(), tiller_status_ok);
+  EXPECT_EQ(poll(), tiller_status_no_new_measurement) << "an hour is not over";
   options.confirm_timeout_us = 0;
   kSocketCanTransport.close(&transport);
   ASSERT_EQ(open(options), "");
