@@ -57,6 +57,25 @@ save("lcm", "url", b"\2" + b"239.255.76.67:7667?ttl=1&recv_buf_size=100000")
 save("lcm", "seal", b"\3" + measurement(7))
 save("lcm", "round_trip", b"\4\2" + struct.pack(">qIIddd", 1000, 7, 8000, 0.5, float("inf"), float("nan")))
 
+# ---- abi: two configurations (planner and engine, how many numbers to spoil), then steps: whose, the call, arguments
+
+ARM, DISARM, STOP, RESET, GOAL, BOX, PREPARE, ITERATIONS, READ, TICK = range(1, 11)
+
+
+def life(*calls):
+    return b"".join(bytes([1, call, *arguments]) for call, *arguments in calls)
+
+
+RUN = life((ARM,), *[(TICK, kind % 8) for kind in range(5, 35)])
+for planner in range(9):
+    save("abi", f"planner_{planner}", bytes([planner, 0, planner + 128, 0]) + RUN + life((READ, 0, 3, 128), (PREPARE,), (TICK, 5)))
+save("abi", "transition", bytes([16, 0, 48, 0]) + RUN + life((STOP,), (TICK, 5), (RESET,), (ARM,), (TICK, 5), (TICK, 6)))
+save("abi", "probed", bytes([64, 0, 64, 0]) + RUN + life((BOX, 96, 128, 80, 144, 80, 144, 30, 20), (TICK, 5), (TICK, 5)))
+save("abi", "goals", bytes([1, 0, 0, 0]) + RUN + life((GOAL, 112, 112, 112, 112, 8), (TICK, 5), (GOAL, 120, 112, 112, 112, 14),
+                                                     (TICK, 5), (ITERATIONS, 2), (TICK, 5), (DISARM,), (TICK, 5)))
+save("abi", "sensors", bytes([0, 0, 0, 0]) + RUN + life((TICK, 3, 225, 14), (TICK, 3, 225, 12), (TICK, 4), (TICK + 96, 4), (TICK, 5)))
+save("abi", "layout", bytes([0, 6, 1, 8, 1, 200, 3, 0, 0, 7, 0, 5]) + life((0, 1), (0, 2), (0, 0)) + RUN)
+
 # ---- can: two bytes for the layout, then steps: kind, then a frame (kind, identifier, length, data) or a command
 
 

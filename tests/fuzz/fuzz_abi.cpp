@@ -1,0 +1,277 @@
+// The life of controllers as a program of calls: two at once, created, ticked, steered, stopped, reset and laid out anew
+// in any order, with configurations, measurements, goals and boxes of any numbers. An input is two configurations, then
+// steps of a call and its arguments. What is promised (tiller.h) is checked after every call.
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <memory>
+#include <vector>
+
+#include "fuzz.hpp"
+#include "tiller/config.hpp"
+
+namespace {
+
+constexpr std::size_t kCanary = 128;
+constexpr unsigned char kCanaryByte = 0xa5;
+
+/// Mostly ordinary numbers, sometimes those that break arithmetic, sometimes any bits.
+double number(fuzz::Bytes& input) {
+  static constexpr double kOdd[] = {0.0,    -0.0,   1e-320, 1e-30, 1e30,     -1e30,    1.7e308,  -1.7e308,
+                                    1e9,    -1e9,   1e12,   1e-12, INFINITY, -INFINITY, NAN,     3.141592653589793};
+  const std::uint8_t kind = input.byte();
+  if (kind < 224) return (kind - 112) / 32.0;
+  if (kind < 250) return kOdd[input.byte() % 16];
+  const std::uint64_t bits = input.long_word();
+  double value;
+  std::memcpy(&value, &bits, sizeof value);
+  return value;
+}
+
+/// Some of the configuration's own numbers overwritten, with those that a struct of settings may have; no pointers.
+void spoil(fuzz::Bytes& input, tiller::Config& c) {
+  struct Part {
+    void* at;
+    std::size_t bytes;
+  };
+  const Part parts[] = {{&c.planner, sizeof c.planner},
+                        {&c.posterior, sizeof c.posterior},
+                        {c.priors, 3 * sizeof *c.priors},
+                        {c.safety.input_low, 8},
+                        {c.safety.input_high, 8},
+                        {c.safety.input_rate_per_s, 8},
+                        {c.safety.safe_command, 8},
+                        {&c.body, sizeof c.body},
+                        {c.process_sd, 16},
+                        {c.measurement_sd, 8},
+                        {&c.period_s, 8}};
+  const Part& part = parts[input.byte() % (sizeof parts / sizeof *parts)];
+  const std::size_t words = part.bytes / 4;
+  const std::size_t at = input.byte() % words;
+  auto* bytes = static_cast<unsigned char*>(part.at);
+  if ((input.byte() & 1) != 0 && at + 2 <= words) {
+    const double value = number(input);
+    std::memcpy(bytes + at / 2 * 8, &value, sizeof value);
+  } else {
+    const std::uint32_t value = input.byte() < 200 ? input.byte() : input.word();
+    std::memcpy(bytes + at * 4, &value, sizeof value);
+  }
+}
+
+/// A small controller of the pendulum.
+tiller::Config config_of(fuzz::Bytes& input) {
+  tiller::Config c;
+  (void)tiller_config_default(&c, tiller_find_model("pendulum"));
+  c.priors[0] = {tiller_prior_uniform, 0, 0.0, 0.0, 0.8, 1.6};
+  c.priors[1] = {tiller_prior_fixed, 0, 0.5, 0.0, 0.5, 0.5};
+  c.priors[2] = {tiller_prior_uniform, 0, 0.0, 0.0, 0.0, 0.2};
+  c.record_ticks = 8;
+  c.posterior.particles = 32;
+  c.posterior.window = 16;
+  c.posterior.moves_per_tick = 8;
+  c.planner.horizon = 8;
+  c.planner.knots = 4;
+  c.planner.rollouts = 32;
+  c.planner.particles = 2;
+  c.planner.nodes = 64;
+  c.planner.noise_sd[0] = 2.0;
+  c.cost.target[0] = 3.0;
+  c.cost.state_weight[0] = c.cost.terminal_weight[0] = 10.0;
+  c.cost.input_weight[0] = 0.01;
+  c.safety.input_low[0] = -3.0;
+  c.safety.input_high[0] = 3.0;
+  c.safety.input_rate_per_s[0] = 100.0;
+  c.hold_gain[1] = 0.3;
+  const std::uint8_t choice = input.byte();
+  c.planner.kind = choice % tiller_planner_kind_count;
+  c.posterior.kind = choice / 16 % 2 == 0 ? tiller_posterior_filter : tiller_posterior_transition;
+  if (c.posterior.kind == tiller_posterior_transition) {  // which wants every state
+    c.measurement_count = 2;
+    c.measured_state[1] = 1;
+    c.measurement_sd[1] = 0.01;
+  }
+  c.posterior.disturbance = choice / 32 % 2;
+  c.probe.weight = choice / 64 % 2;
+  c.planner.predict_spread = choice / 128;
+  for (std::uint8_t i = input.byte() % 8; i > 3; --i) spoil(input, c);
+  return c;
+}
+
+/// What takes seconds a tick by its own settings is not looked at: fuzzers want thousands of lives.
+bool is_small(const tiller_config_t& c) {
+  const double work = 1.0 * c.planner.horizon * c.planner.rollouts * c.planner.particles * c.planner.iterations;
+  return work < 2e5 && c.posterior.particles <= 256 && c.posterior.window <= 64 && c.planner.nodes <= 1024 &&
+         c.substeps <= 8 && c.planner.horizon <= 64 && c.posterior.moves_per_tick <= 64 &&
+         c.planner.qp_iterations <= 200 && c.planner.particles <= 16;
+}
+
+class Life {
+ public:
+  explicit Life(fuzz::Bytes& input) : config_(config_of(input)) { init(0); }
+
+  void step(fuzz::Bytes& input) {
+    const std::uint8_t call = input.byte();
+    switch (call % 16) {
+      case 0: init(input.byte()); break;
+      case 1: call_with_status(tiller_arm(t_)); break;
+      case 2: call_with_status(tiller_disarm(t_)); break;
+      case 3: call_with_status(tiller_stop(t_, static_cast<tiller_status_t>(tiller_status_stopped))); break;
+      case 4: reset(); break;
+      case 5: goal(input); break;
+      case 6: box(input); break;
+      case 7: (void)tiller_prepare(t_); break;
+      case 8: (void)tiller_force_iterations(t_, input.byte()); break;
+      case 9: read(input); break;
+      default: tick(input, call / 16);
+    }
+    for (std::size_t i = 0; i < kCanary && memory_; ++i)
+      fuzz::require(memory_[-1 - static_cast<long>(i)] == kCanaryByte && memory_[size_ + i] == kCanaryByte,
+                    "nothing is written outside of the block");
+  }
+
+ private:
+  /// Sizes beside the right one, a wrong alignment; what is right is laid out.
+  void init(std::uint8_t choice) {
+    t_ = nullptr;
+    memory_ = nullptr;
+    const char* field = nullptr;
+    const tiller_status_t checked = tiller_config_check(&config_, &field);
+    fuzz::require((checked == tiller_status_ok) == (field == nullptr || *field == '\0'), "a refusal names its field");
+    if (!is_small(config_)) return;
+    const std::size_t size = tiller_size(&config_);
+    fuzz::require((size > 0) == (checked == tiller_status_ok), "a good configuration has a size");
+    if (size > (8u << 20)) return;
+    storage_.assign(size + TILLER_ALIGNMENT + 2 * kCanary, kCanaryByte);
+    const auto first = reinterpret_cast<std::uintptr_t>(storage_.data()) + kCanary;
+    unsigned char* const aligned = storage_.data() + kCanary + (TILLER_ALIGNMENT - first % TILLER_ALIGNMENT) % TILLER_ALIGNMENT;
+    if (size > 0 && choice % 4 == 1)
+      fuzz::require(tiller_init(&t_, &config_, nullptr, aligned, size - 1) == tiller_status_memory_too_small,
+                    "a byte less is too little");
+    if (choice % 4 == 2)
+      fuzz::require(tiller_init(&t_, &config_, nullptr, aligned + 8, size) != tiller_status_ok, "alignment");
+    fuzz::require(t_ == nullptr, "what was refused gives no controller");
+    const tiller_status_t made = tiller_init(&t_, &config_, nullptr, aligned, size);
+    fuzz::require(made == checked, "init agrees with check");
+    fuzz::require((t_ != nullptr) == (made == tiller_status_ok), "and gives a controller then");
+    if (t_ == nullptr) return;
+    memory_ = aligned;
+    size_ = size;
+    safe_ = moving_ = false;
+  }
+
+  void call_with_status(tiller_status_t status) {
+    fuzz::require(t_ != nullptr || status == tiller_status_null_argument, "no controller, no call");
+  }
+
+  void reset() {
+    const tiller_status_t status = tiller_reset(t_);
+    call_with_status(status);
+    if (status == tiller_status_ok) safe_ = false;
+  }
+
+  void goal(fuzz::Bytes& input) {
+    rows_.resize(4);
+    for (double& value : rows_) value = number(input);
+    const std::uint8_t kind = input.byte();
+    if (kind % 4 == 0) (void)tiller_set_target(t_, kind < 8 ? nullptr : rows_.data());
+    if (kind % 4 == 1) (void)tiller_set_output_target(t_, kind < 8 ? nullptr : rows_.data());
+    if (kind % 4 == 2) (void)tiller_set_reference(t_, rows_.data(), kind < 8 ? rows_.data() : nullptr, kind / 4 % 3);
+    if (kind % 4 == 3) (void)tiller_set_reference(t_, nullptr, nullptr, 1);
+  }
+
+  void box(fuzz::Bytes& input) {
+    double low[2], high[2], from = number(input), to = number(input);
+    for (int i = 0; i < 2; ++i) low[i] = number(input), high[i] = number(input);
+    const std::uint8_t kind = input.byte();
+    const tiller_box_t wanted = {kind == 1 ? 3u : static_cast<std::uint32_t>(sizeof(tiller_box_t)), TILLER_CONFIG_VERSION,
+                                 kind & 2 ? low : nullptr, kind & 4 ? high : nullptr, kind & 8 ? &from : nullptr,
+                                 kind & 16 ? &to : nullptr};
+    (void)tiller_calibrate(t_, kind == 0 ? nullptr : &wanted, input.byte());
+  }
+
+  /// Into arrays of exactly what the header says.
+  void read(fuzz::Bytes& input) {
+    const std::uint32_t np = config_.param_count, nx = 2, nu = 1, at = input.byte() < 250 ? input.byte() : input.word();
+    std::vector<double> square(std::size_t{np} * np), params(np), state(nx), sd(nx), inputs(at % 80 + 1), gain(nx * nu),
+        ratio(np);
+    double weight = 0.0, value = 0.0;
+    std::uint32_t d = 0;
+    tiller_info_t info;
+    tiller_get_info(t_, &info);
+    (void)tiller_get_covariance(t_, square.data());
+    (void)tiller_get_quantile(t_, at % 5, number(input), &value);
+    (void)tiller_get_contraction(t_, &d, ratio.data(), square.data());
+    fuzz::require(d <= np, "no more directions than parameters");
+    const std::uint32_t steps = tiller_get_plan(t_, inputs.data(), static_cast<std::uint32_t>(inputs.size()));
+    fuzz::require(steps <= inputs.size(), "no more steps than there is room for");
+    (void)tiller_get_feedback(t_, at, gain.data(), state.data(), &value);
+    (void)tiller_get_prediction(t_, at, state.data(), sd.data());
+    (void)tiller_get_particle(t_, at, params.data(), state.data(), &weight);
+    (void)tiller_get_outputs(t_, nullptr);
+    auto record = std::make_unique<tiller_record_t>();
+    (void)tiller_get_record(t_, at, record.get());
+  }
+
+  void tick(fuzz::Bytes& input, std::uint8_t pace) {
+    static constexpr std::int64_t kSteps_us[] = {20000, 20000, 20000, 20000, 0, 40000, 400000, -20000};
+    now_us_ = static_cast<std::int64_t>(static_cast<std::uint64_t>(now_us_) +
+                                        static_cast<std::uint64_t>(kSteps_us[pace % 8]));
+    const std::uint8_t kind = input.byte();
+    if (kind == 255) now_us_ = static_cast<std::int64_t>(input.long_word());
+    tiller_measurement_t m;
+    std::memset(&m, 0, sizeof m);
+    m.stamp_us = kind % 16 == 1 ? static_cast<std::int64_t>(input.long_word()) : now_us_;
+    m.sequence = ++sequence_;
+    if (kind % 16 == 2) m.command_latency_us = input.word();
+    m.value[0] = angle_ += (kind % 8 - 4) * 0.01;
+    if (kind % 16 == 3) m.value[0] = number(input);
+    tiller_command_t command;
+    std::memset(&command, 0xff, sizeof command);
+    const tiller_status_t status = tiller_tick(t_, now_us_, kind % 16 == 4 ? nullptr : &m, &command);
+    if (t_ == nullptr) {
+      fuzz::require(status == tiller_status_null_argument && command.value[0] == 0.0, "a command is always filled");
+      return;
+    }
+    judge(command);
+  }
+
+  void judge(const tiller_command_t& command) {
+    const double u = command.value[0], low = config_.safety.input_low[0], high = config_.safety.input_high[0];
+    fuzz::require(u >= low && u <= high, "a command is a number within its limits");
+    for (int i = 1; i < TILLER_MAX_INPUTS; ++i) fuzz::require(command.value[i] == 0.0, "inputs that there are not are 0");
+    const bool moving = command.state == tiller_state_active || command.state == tiller_state_hold;
+    fuzz::require(command.state <= tiller_state_safe, "a state");
+    if (!moving) fuzz::require(u == config_.safety.safe_command[0], "at rest the safe command goes out");
+    if (safe_) fuzz::require(command.state == tiller_state_safe, "SAFE is left by reset alone");
+    safe_ = command.state == tiller_state_safe;
+    if (moving && moving_ && std::isfinite(config_.safety.input_rate_per_s[0])) {
+      const double step = config_.safety.input_rate_per_s[0] * (config_.period_s + 1e-6);
+      fuzz::require(std::fabs(u - last_) <= step * (1.0 + 1e-9) + 1e-12, "no faster than its rate");
+    }
+    moving_ = moving;
+    last_ = u;
+  }
+
+  tiller::Config config_;
+  std::vector<unsigned char> storage_;
+  unsigned char* memory_ = nullptr;
+  std::size_t size_ = 0;
+  tiller_t* t_ = nullptr;
+  std::vector<double> rows_;  // a reference is not copied
+  std::int64_t now_us_ = 1000000;
+  std::uint32_t sequence_ = 0;
+  double angle_ = 0.1, last_ = 0.0;
+  bool safe_ = false, moving_ = false;
+};
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  fuzz::Bytes input(data, size);
+  Life first(input), second(input);
+  for (int i = 0; i < 200 && !input.empty(); ++i) {
+    const std::uint8_t who = input.byte();
+    (who % 4 == 0 ? second : first).step(input);
+  }
+  return 0;
+}
