@@ -12,6 +12,7 @@ extern "C" {
 /** In motion the plan's command `planned`, in HOLD the feedback `hold`, each through the gate with `hold` to fall back
  *  on; in every other state the safe command. Arrays (nu), null where there is none. Returns what the gate does; ok for
  *  the safe command. */
+/* Requirement: SR-1, SR-2, SR-3 */
 /*@ requires \valid_read(m) && orderly(m) && \valid(g) && ready(g);
     requires planned == \null || \valid_read(planned + (0 .. g->count - 1));
     requires hold == \null || \valid_read(hold + (0 .. g->count - 1));

@@ -124,6 +124,7 @@ tiller_status_t tiller_gate_apply_cones(const tiller_gate_cones_t* cones, const 
 /** `wanted` (nu) through the limits into `out` (nu); null or not finite: `fallback` (nu), and where that is not either,
  *  the safe command. What the cones make of it goes out if it is admissible; else the command in force stays. Cones
  *  null: none. Returns ok, command_limited, rate_limited or command_not_finite. */
+/* Requirement: SR-1, SR-2 */
 /*@ requires \valid(g) && ready(g);
     requires wanted == \null || \valid_read(wanted + (0 .. g->count - 1));
     requires fallback == \null || \valid_read(fallback + (0 .. g->count - 1));
@@ -140,6 +141,7 @@ tiller_status_t tiller_gate_pass(tiller_gate_t* g, const tiller_gate_cones_t* co
                                  const double* fallback, double elapsed_s, double* out);
 
 /** The safe command at once, whatever the rate limit says. */
+/* Requirement: SR-1, SR-3 */
 /*@ requires \valid(g) && ready(g);
     requires \valid(out + (0 .. g->count - 1)) && \separated(g, out + (0 .. g->count - 1));
     assigns out[0 .. g->count - 1], g->last[0 .. TILLER_MAX_INPUTS - 1];

@@ -54,6 +54,7 @@ bool tiller_machine_moves(const tiller_machine_t* m);
 
 /** Takes the event; wrong_state, and nothing changed, where it is not allowed. `why` is kept as the first fault where
  *  the event leads to HOLD or SAFE. The event `cleared` is for an armed machine: tiller_machine_measured sees to it. */
+/* Requirement: SR-4, SR-5, SR-6, SR-7, SR-10 */
 /*@ requires \valid(m) && orderly(m) && 0 <= event < tiller_machine_events;
     requires event == tiller_event_cleared ==> m->armed;
     assigns m->state, m->first_fault, m->armed;
@@ -86,6 +87,7 @@ bool tiller_machine_moves(const tiller_machine_t* m);
 tiller_status_t tiller_machine_on(tiller_machine_t* m, tiller_event_t event, tiller_status_t why);
 
 /** A valid measurement: `cleared` if armed, else `measured`. */
+/* Requirement: SR-5 */
 /*@ requires \valid(m) && orderly(m);
     assigns m->state, m->first_fault, m->armed;
     ensures orderly(m);

@@ -283,6 +283,7 @@ TEST(Conditions, OfWhatProbingStillWantsToKnow) {
 }
 
 /// What a model's table may lack, one entry at a time.
+// Requirement: SR-13
 TEST(Conditions, OfAModelsTable) {
   using M = tiller_model_t;
   const tiller_model_t* built_in = tiller_find_model("two_link_arm");

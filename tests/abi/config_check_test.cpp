@@ -357,6 +357,7 @@ const Spoiled kSpoiled[] = {
     {"record_ticks", tiller_status_bad_dimension, [](C& c) { c.record_ticks = 65537; }},
 };
 
+// Requirement: SR-13
 TEST(ConfigCheck, NamesTheFieldThatIsWrong) {
   const C good = rig::pendulum_config();
   const char* field = nullptr;
@@ -428,6 +429,7 @@ TEST(ConfigCheck, TreeSearchSettingsGoTogether) {
 }
 
 /// A model table of the test's own; one member is spoiled at a time.
+// Requirement: SR-13
 TEST(ConfigCheck, NamesWhatTheModelLacks) {
   const tiller_model_t* built_in = tiller_find_model("cart_pole");
   ASSERT_NE(built_in, nullptr);

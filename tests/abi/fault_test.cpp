@@ -53,6 +53,7 @@ TEST_F(Fault, NanOnceIsSkippedAndThePlanGoesOn) {
   EXPECT_EQ(loop_.info().status, tiller_status_ok) << "one good measurement and all is well";
 }
 
+// Requirement: SR-7
 TEST_F(Fault, NanForEverIsSafeAfterTheConfiguredCount) {
   EXPECT_EQ(ticks_to_safe(10, [](tiller_measurement_t& m) { m.value[0] = kNan; }), 3);
   EXPECT_EQ(last_, tiller_status_sensor_not_finite);
@@ -84,6 +85,7 @@ TEST_F(Fault, TimeBackwardsIsSafe) {
   EXPECT_EQ(last_, tiller_status_time_backwards);
 }
 
+// Requirement: SR-12
 TEST_F(Fault, CallersClockBackwardsIsSafe) {
   tiller_command_t command;
   for (int i = 1; i <= 3; ++i) {
@@ -94,6 +96,7 @@ TEST_F(Fault, CallersClockBackwardsIsSafe) {
   EXPECT_EQ(loop_.info().first_fault, tiller_status_time_backwards);
 }
 
+// Requirement: SR-7
 TEST_F(Fault, SilenceKeepsThePlanAndThenIsSafe) {
   // timeout 0.1 s: the ticks at 20..100 ms of age use the plan, the one at 120 ms is SAFE
   for (int i = 0; i < 5; ++i) {
@@ -110,6 +113,7 @@ TEST_F(Fault, OldStampsAreStale) {
   EXPECT_EQ(last_, tiller_status_sensor_stale);
 }
 
+// Requirement: SR-9
 TEST_F(Fault, FrozenReadingsUnderAMovingPlanAreSafe) {
   loop_.run(20);
   const double stuck = loop_.measure().value[0];
@@ -196,6 +200,7 @@ TEST(Plan, UsedUpIsHoldAndAMeasurementEndsIt) {
   EXPECT_TRUE(loop.commands_allowed());
 }
 
+// Requirement: SR-10
 TEST(Plan, HoldDampsAndEndsInSafe) {
   PendulumPlant plant;
   tiller::Config config = rig::pendulum_config();
@@ -220,6 +225,7 @@ TEST(Plan, HoldDampsAndEndsInSafe) {
   EXPECT_EQ(loop.state(), tiller_state_safe);
 }
 
+// Requirement: SR-1, SR-2, SR-3
 TEST(Input, NothingTheSensorsSayLetsABadCommandOut) {
   // 20,000 ticks of everything at once, from fixed seeds; judged by the loop at every tick
   for (std::uint32_t seed = 1; seed <= 4; ++seed) {

@@ -112,6 +112,7 @@ void add_every_term(tiller::Config& config) {
   cost.own_weight = 0.01;
 }
 
+// Requirement: SR-14
 TEST(HeapTrap, NothingInALongLifeOfEveryPlanner) {
   for (std::uint32_t kind = 0; kind < tiller_planner_kind_count; ++kind) {
     tiller::Config config = rig::pendulum_config();

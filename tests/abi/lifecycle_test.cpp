@@ -29,6 +29,7 @@ TEST(Init, NeedsExactlyTheMeasuredSize) {
   }
 }
 
+// Requirement: SR-14
 TEST(Init, WritesNothingOutsideItsBlockInAWholeLife) {
   for (std::uint32_t kind = 0; kind < tiller_planner_kind_count; ++kind) {
     tiller::Config config = rig::pendulum_config();
@@ -148,6 +149,7 @@ TEST(Calls, RefuseNull) {
   EXPECT_EQ(tiller_get_record(loop.controller(), 0, &record), tiller_status_bad_dimension) << "no tick yet";
 }
 
+// Requirement: SR-4, SR-5, SR-6
 TEST(States, FollowArmDisarmStopReset) {
   PendulumPlant plant;
   plant.angle_rad = 0.3;

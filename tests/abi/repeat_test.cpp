@@ -109,6 +109,7 @@ std::vector<tiller_record_t> replay(const tiller_config_t& config, const std::ve
 class EveryPlanner : public ::testing::TestWithParam<std::uint32_t> {};
 INSTANTIATE_TEST_SUITE_P(Kinds, EveryPlanner, ::testing::Range(0u, std::uint32_t{tiller_planner_kind_count}));
 
+// Requirement: SR-15
 TEST_P(EveryPlanner, SameInputsSameBits) {
   const tiller::Config config = config_of(GetParam());
   expect_same(eventful_run(config, nullptr), eventful_run(config, nullptr));
@@ -140,6 +141,7 @@ void backwards(void* context, std::uint32_t n, void (*work)(void*, std::uint32_t
   for (std::uint32_t i = n; i-- > 0;) work(arg, i);
 }
 
+// Requirement: SR-15
 TEST_P(EveryPlanner, OneAndTwoThreadsAndReversedTasksGiveTheSameBits) {
   const tiller::Config config = config_of(GetParam());
   const auto serial = eventful_run(config, nullptr);

@@ -87,6 +87,7 @@ TEST(ClockSet, ReadingsThatStopAfterItArmNobody) {
   }
 }
 
+// Requirement: SR-12
 TEST(ClockSet, InMotionItIsAFault) {
   Bench b;
   b.activate();

@@ -19,6 +19,7 @@ void alarm(Bench& b) {
   ASSERT_EQ(b.executive->info().adequacy, tiller_adequacy_inadequate);
 }
 
+// Requirement: SR-20
 TEST(Adequacy, InadequateModelIsAStatusThatNamesTheChannelAndStopsNothing) {
   Bench b;
   fakes::posterior.tested = true;

@@ -13,6 +13,7 @@ using bench::known_pendulum;
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
+// Requirement: SR-10
 TEST(Plan, FailureIsHoldWithFeedbackAndRecoversByItself) {
   Bench b;
   b.activate();
@@ -35,6 +36,7 @@ TEST(Plan, FailureIsHoldWithFeedbackAndRecoversByItself) {
   EXPECT_EQ(fakes::planner.resets, resets) << "HOLD is motion: the warm start stays";
 }
 
+// Requirement: SR-1, SR-10
 TEST(Plan, CommandThatIsNotFiniteIsAFailureWhateverTheStatusSays) {
   for (double bad : {kNan, std::numeric_limits<double>::infinity()}) {
     Bench b;
@@ -68,6 +70,7 @@ TEST(Plan, CommandBeyondTheLimitsIsCutAndCounted) {
   EXPECT_EQ(fakes::planner.last_command[0], 10.0) << "the planner is told what was sent, not what it wished";
 }
 
+// Requirement: SR-10
 TEST(Plan, NoTimeForAnIterationKeepsThePlanAndThenHolds) {
   Bench b;
   b.activate();

@@ -266,6 +266,7 @@ class Life {
 
 }  // namespace
 
+// Requirement: SR-1, SR-2, SR-3, SR-4, SR-13, SR-14
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   fuzz::Bytes input(data, size);
   Life first(input), second(input);

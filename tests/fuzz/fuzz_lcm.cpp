@@ -97,6 +97,7 @@ void check_round_trip(fuzz::Bytes& input) {
 
 }  // namespace
 
+// Requirement: SR-16, SR-17
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   fuzz::Bytes input(data, size);
   switch (input.byte() % 8) {

@@ -274,6 +274,7 @@ TEST_F(Robot, NothingIsSentForACommandThatIsNotFinite) {
 
 // ---- faults ----
 
+// Requirement: SR-19
 TEST_F(Robot, AnAxisErrorIsAFaultAtOnceAndWhileItLasts) {
   EXPECT_TRUE(receive(heartbeat(0x40, 1)));
   EXPECT_EQ(tiller_status_actuator_fault, robot.fault());
@@ -283,6 +284,7 @@ TEST_F(Robot, AnAxisErrorIsAFaultAtOnceAndWhileItLasts) {
   EXPECT_EQ(tiller_status_actuator_fault, robot.fault());
 }
 
+// Requirement: SR-19
 TEST_F(Robot, LeavingClosedLoopUnaskedIsAFaultAndNotAskedAgain) {
   command(tiller_state_active, 1.0);
   receive(heartbeat(0, 8));
@@ -319,6 +321,7 @@ TEST_F(Robot, ALostModeRequestIsRepeatedUntilItIsPlainThatTheMotorWillNot) {
   EXPECT_NE(std::string::npos, std::string(robot.fault_text()).find("does not enable"));
 }
 
+// Requirement: SR-19
 TEST_F(Robot, ASilentMotorIsAFaultOnTheMeasurementsClock) {
   std::uint32_t sequence = 0, time_us = 0;
   const auto tick = [&] {

@@ -122,6 +122,7 @@ TEST(MessageSeal, TwoEndsThatHaveNeverMetDoSoInTwoPeriods) {
   pair.run(1000);  // ten seconds: several times as long as a challenge lives
 }
 
+// Requirement: SR-17
 TEST(MessageSeal, OneKeyOneChannelOnceAndInOrder) {
   Pair pair;
   ASSERT_LE(pair.periods_until_heard(2), 2);
@@ -138,6 +139,7 @@ TEST(MessageSeal, OneKeyOneChannelOnceAndInOrder) {
   EXPECT_EQ(pair.runtime.hear(third, now_us), SealState::kOk);
 }
 
+// Requirement: SR-17
 TEST(MessageSeal, EveryFlipOfOneOrTwoBitsIsDetected) {
   Pair pair;
   ASSERT_LE(pair.periods_until_heard(2), 2);
@@ -157,6 +159,7 @@ TEST(MessageSeal, EveryFlipOfOneOrTwoBitsIsDetected) {
   EXPECT_EQ(pair.runtime.hear(message, pair.now_us), SealState::kOk) << "a refusal changes nothing";
 }
 
+// Requirement: SR-17
 TEST(MessageSeal, AReceiverThatStartsAnewTakesNothingOfARecording) {
   for (const std::int64_t window_us : {kWindowUs, std::int64_t{0}}) {
     Pair pair(window_us);
@@ -298,6 +301,7 @@ struct Adversary {
   std::int64_t window_us_;
 };
 
+// Requirement: SR-17
 TEST(MessageSeal, NoAdversaryGetsAnythingTakenTwiceOrTooLateAndNoneKeepsThemApart) {
   std::uint64_t taken = 0;
   for (const std::int64_t window_us : {kWindowUs, std::int64_t{0}}) {

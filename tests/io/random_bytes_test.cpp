@@ -27,6 +27,7 @@ class Random {
 
 constexpr int kRounds = 300000;  // about a second, ten under a sanitizer
 
+// Requirement: SR-16
 TEST(RandomBytes, LcmMeasurements) {
   Random random(20240607);
   LcmTransport transport;
@@ -56,6 +57,7 @@ TEST(RandomBytes, LcmMeasurements) {
   EXPECT_GT(c.bad_messages, 0u);
 }
 
+// Requirement: SR-16
 TEST(RandomBytes, CanFrames) {
   Random random(20240608);
   CanLayout layout;

@@ -268,6 +268,7 @@ TEST_F(SocketCanKernel, FramesThatTheKernelDroppedAreCounted) {
   EXPECT_EQ(counters().overflows, 3u) << "the same count again";
 }
 
+// Requirement: SR-18
 TEST_F(SocketCanKernel, ErrorFramesChangeTheStateOfTheBus) {
   open_ready();
   EXPECT_EQ(poll(error_frame(CAN_ERR_CRTL, CAN_ERR_CRTL_TX_PASSIVE)), tiller_status_bus_off);
@@ -294,6 +295,7 @@ TEST_F(SocketCanKernel, ErrorFramesChangeTheStateOfTheBus) {
             5u);
 }
 
+// Requirement: SR-18
 TEST_F(SocketCanKernel, AnInterfaceThatWentAwayIsLookedForUntilItIsBack) {
   for (const int gone : {ENETDOWN, ENODEV, ENXIO}) {
     fake_kernel::reset();
@@ -406,6 +408,7 @@ TEST_F(SocketCanKernel, WhatTheQueueDoesNotTakeIsDropped) {
   EXPECT_EQ(send(NAN), tiller_status_command_not_finite);
 }
 
+// Requirement: SR-18
 TEST_F(SocketCanKernel, SetPointsWaitForThoseThatAreNotOnTheBusYet) {
   SocketCanOptions options = pendulum();
   options.confirm_timeout_us = 1;
@@ -440,6 +443,7 @@ TEST_F(SocketCanKernel, SetPointsWaitForThoseThatAreNotOnTheBusYet) {
   EXPECT_EQ(poll(), tiller_status_no_new_measurement) << "nobody watches";
 }
 
+// Requirement: SR-18
 TEST_F(SocketCanKernel, AnotherProgramsSetPointsAreAFaultUntilTheyAreCleared) {
   open_ready();
   EXPECT_EQ(poll(arrival(kTorque, 4)), tiller_status_actuator_fault);

@@ -55,6 +55,7 @@ TEST(GateCore, ASafeCommandThatConesTakeOutsideTheLimitsIsNotTaken) {
   EXPECT_EQ(gate.last[0], 0.75);
 }
 
+// Requirement: SR-3
 TEST(GateCore, OnlyMotionMoves) {
   const double planned[] = {1.1}, hold[] = {0.9};
   for (int state = 0; state < tiller_machine_states; ++state) {
@@ -68,6 +69,7 @@ TEST(GateCore, OnlyMotionMoves) {
   }
 }
 
+// Requirement: SR-10
 TEST(GateCore, APlanWithANanIsAnsweredByHoldFeedback) {
   const double planned[] = {std::numeric_limits<double>::quiet_NaN()}, hold[] = {0.9};
   tiller_machine_t machine{tiller_state_active, tiller_status_ok, true};

@@ -44,6 +44,7 @@ bool passes(double last, double made) {
   return status == tiller_status_ok;
 }
 
+// Requirement: SR-1, SR-2
 TEST(GateRounding, WhatConesMakeGoesOutWithinLimitsAndRatesAlone) {
   EXPECT_TRUE(passes(0.0, 0.5));
   EXPECT_TRUE(passes(0.0, 1.0));

@@ -70,6 +70,7 @@ TEST(OutputGate, RoundingOfASinglePrecisionPlannerIsCutButNotReported) {
   EXPECT_EQ(gate.cuts(), 0u);
 }
 
+// Requirement: SR-2
 TEST(OutputGate, ChangeIsBoundedByTheShorterOfPeriodAndElapsedTime) {
   const double wanted[] = {20.0, 0.0}, hold[] = {0.0, 0.0};
   // elapsed time, allowed change; stamps are whole microseconds, hence 400/s * 1 us = 4e-4 of grain
@@ -83,6 +84,7 @@ TEST(OutputGate, ChangeIsBoundedByTheShorterOfPeriodAndElapsedTime) {
   }
 }
 
+// Requirement: SR-1
 TEST(OutputGate, NotFiniteBecomesTheFallbackAndThatPassesTheLimitsToo) {
   for (double bad : {kNan, kInf, -kInf}) {
     OutputGate gate(two_inputs());
@@ -119,6 +121,7 @@ TEST(OutputGate, SafeCommandIgnoresTheRateLimit) {
   EXPECT_EQ(gate.last()[0], 0.0) << "the next rate limit starts from what was sent";
 }
 
+// Requirement: SR-1
 TEST(OutputGate, NonsenseLimitsLeaveTheSafeCommandAlone) {
   GateLimits limits;
   limits.count = 4;
@@ -150,6 +153,7 @@ GateLimits friction() {
   return limits;
 }
 
+// Requirement: SR-11
 TEST(OutputGate, CutsToAConeForTheAxisThatGoesOut) {
   OutputGate gate(friction());
   const double hold[] = {0.0, 0.0, 0.0}, wide[] = {6.0, 8.0, 40.0};
@@ -168,6 +172,7 @@ TEST(OutputGate, CutsToAConeForTheAxisThatGoesOut) {
   EXPECT_EQ(gate.cuts(), 2u);
 }
 
+// Requirement: SR-2, SR-11
 TEST(OutputGate, RatesHoldOnTheConesToo) {
   GateLimits limits = friction();
   limits.rate_per_s[0] = 50.0;  // 1 a period
@@ -224,6 +229,7 @@ TEST(OutputGate, AConeWithoutASlopeReadsNoAxis) {
   EXPECT_EQ(out[2], 3.0);
 }
 
+// Requirement: SR-1, SR-2, SR-11
 TEST(OutputGate, NothingGetsThrough) {
   // one million here; ./dev bench robot sends a hundred million
   const StormResult r = GateStorm(7).run(1000000);

@@ -77,6 +77,7 @@ TEST(SensorGuard, AClockThatStandsStillAgesByTicks) {
   EXPECT_TRUE(v.lost);
 }
 
+// Requirement: SR-7
 TEST(SensorGuard, NothingNewIsFineUntilTheTimeout) {
   Bench b;
   (void)b.at(0, 0.0, 0.0);
@@ -125,6 +126,7 @@ TEST(SensorGuard, TheSameReadingAgainIsNothingNew) {
   EXPECT_EQ(b.at(100001, m).status, tiller_status_sensor_stale) << "a driver that repeats its last frame is stale";
 }
 
+// Requirement: SR-8
 TEST(SensorGuard, RefusesOldAndFutureStamps) {
   Bench b;
   EXPECT_EQ(b.at(500000, reading(399999, 0.0, 0.0)).status, tiller_status_sensor_stale);
@@ -132,6 +134,7 @@ TEST(SensorGuard, RefusesOldAndFutureStamps) {
   EXPECT_EQ(b.at(500000, reading(519999, 0.0, 0.0)).status, tiller_status_ok) << "clock skew below a period";
 }
 
+// Requirement: SR-8
 TEST(SensorGuard, RefusesStampsOutOfOrder) {
   Bench b;
   (void)b.at(kPeriod_us, 0.0, 0.0);
@@ -161,6 +164,7 @@ TEST(SensorGuard, ExtremeStampsDoNotOverflow) {
   EXPECT_EQ(c.at(low, reading(high, 0.0, 0.0)).status, tiller_status_sensor_stale);
 }
 
+// Requirement: SR-8
 TEST(SensorGuard, RefusesInfinityAndSkipsMissingValues) {
   Bench b;
   EXPECT_EQ(b.at(0, kNan, 0.0).status, tiller_status_sensor_not_finite) << "the first reading must be complete";
@@ -175,6 +179,7 @@ TEST(SensorGuard, RefusesInfinityAndSkipsMissingValues) {
   EXPECT_EQ(b.guard.missing(), 1u) << "a rejected reading is counted as rejected, not as missing";
 }
 
+// Requirement: SR-7
 TEST(SensorGuard, OneDeadSensorIsStaleByItself) {
   Bench b;
   (void)b.at(0, 0.0, 0.0);
@@ -198,6 +203,7 @@ TEST(SensorGuard, OldReadingAmongFreshOnesIsRefusedAndLosesNothing) {
   EXPECT_EQ(b.guard.rejected(), 1u);
 }
 
+// Requirement: SR-8
 TEST(SensorGuard, RefusesOutOfRangeAndJumps) {
   Bench b;
   (void)b.at(0, 0.0, 3.1);
@@ -222,6 +228,7 @@ TEST(SensorGuard, JumpIsMeasuredFromTheLastValueThatWasSeen) {
   EXPECT_EQ(b.at(2 * kPeriod_us, 0.19, 0.0).status, tiller_status_ok) << "0.19 m in 40 ms, not in 20";
 }
 
+// Requirement: SR-7
 TEST(SensorGuard, RejectionsInARowLoseTheSensors) {
   Bench b;
   (void)b.at(0, 0.0, 0.0);
@@ -235,6 +242,7 @@ TEST(SensorGuard, RejectionsInARowLoseTheSensors) {
   EXPECT_EQ(b.guard.rejected(), 5u);
 }
 
+// Requirement: SR-9
 TEST(SensorGuard, FrozenOnlyWhenTheRobotShouldMove) {
   Bench b;
   std::int64_t t = 0;

@@ -91,6 +91,7 @@ const Entry kSpecification[] = {
     {kSafe, Event::clock_set, kSafe, true},
 };
 
+// Requirement: SR-3, SR-4, SR-5, SR-6, SR-7, SR-10, SR-12
 TEST(StateMachine, EveryStateWithEveryEvent) {
   ASSERT_EQ(sizeof kSpecification / sizeof *kSpecification, static_cast<std::size_t>(kStateCount * kEventCount));
   bool seen[kStateCount][kEventCount] = {};
@@ -111,6 +112,7 @@ TEST(StateMachine, EveryStateWithEveryEvent) {
   }
 }
 
+// Requirement: SR-5
 TEST(StateMachine, MotionNeedsBothArmingAndAMeasurement) {
   StateMachine m;
   m.on_measurement();
