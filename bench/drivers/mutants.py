@@ -68,6 +68,16 @@ LINES = [
     ("gate", "  return tiller_status_command_not_finite;\n}\n\nvoid", "  return status;\n}\n\nvoid"),
     ("gate", "  keep(g, out);\n", ""),
     ("gate", "if (!all_admissible(g, elapsed_s, u)) {", "if (false) {"),
+    ("gate", "if (!(low <= x && x <= high)) return false;", ""),
+    ("gate", "if (!(low <= x && x <= high)) return false;", "if (!(low <= x)) return false;"),
+    ("gate", "if (!(low <= x && x <= high)) return false;", "if (!(x <= high)) return false;"),
+    ("gate", "(last - step <= x && x <= last + step) || ", ""),
+    ("gate", " || (x - last <= step && last - x <= step)", ""),
+    ("gate", "last - step <= x && ", ""),
+    ("gate", " && x <= last + step", ""),
+    ("gate", "x - last <= step && ", ""),
+    ("gate", " && last - x <= step", ""),
+    ("gate", "period_s > 0.0 ? times(rate_per_s, period_s) : 0.0", "times(rate_per_s, period_s)"),
     ("gate", "if (!all_admissible(g, elapsed_s, u)) {", "if (true) {"),
     ("gate", "g->last[i] = out[i] = g->safe_command[i];", "out[i] = g->safe_command[i];"),
     ("gate", "g->last[i] = out[i] = g->safe_command[i];", "out[i] = g->last[i];"),
@@ -160,8 +170,10 @@ class Bench:
         self.flags = ["-O1", f"-I{ROOT}", f"-I{ROOT / 'runtime'}", f"-I{ROOT / 'runtime/include'}"]
         self.suffixes = {p.stem: p.suffix for p in SAFETY.glob("*.c*")}
         self.objects = {name: self.compile(SAFETY / (name + self.suffixes[name]), name) for name in sources}
-        self.others = [self.compile(path, path.stem) for path in
-                       [*sorted((ROOT / "tests/safety").glob("*_test.cpp")), *sorted((ROOT / "runtime/core").glob("*.cpp"))]]
+        core = [self.compile(path, path.stem) for path in sorted((ROOT / "runtime/core").glob("*.cpp"))]
+        tests = {path.stem: self.compile(path, path.stem) for path in sorted((ROOT / "tests/safety").glob("*_test.cpp"))}
+        alone = tests.pop("gate_rounding_test")  # a program of its own: it takes the place of the cones
+        self.programs = [(set(sources), [*tests.values(), *core]), ({"gate"}, [alone, *core])]
 
     def compile(self, path, name):
         out = self.folder / f"{name}.o"
@@ -175,9 +187,12 @@ class Bench:
         path = self.folder / f"mutant{self.suffixes[name]}"
         path.write_text(text, encoding="utf-8")
         objects = {**self.objects, name: self.compile(path, "mutant")}
+        return all(self.passes([objects[one] for one in sorted(parts)] + others)
+                   for parts, others in self.programs if name in parts)
+
+    def passes(self, objects):
         program = self.folder / "tests"
-        subprocess.run([self.compiler, *objects.values(), *self.others, "-lgtest", "-lgtest_main", "-lpthread", "-o",
-                        program], check=True)
+        subprocess.run([self.compiler, *objects, "-lgtest", "-lgtest_main", "-lpthread", "-o", program], check=True)
         try:
             return subprocess.run([program, "--gtest_fail_fast"], stdout=subprocess.DEVNULL,
                                   stderr=subprocess.DEVNULL, timeout=120, check=False).returncode == 0

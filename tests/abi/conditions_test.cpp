@@ -324,6 +324,7 @@ TEST(Conditions, OfAModelsTable) {
   EXPECT_EQ(check([](M&) { joints[1].force = 2; }), "model.joints");
   EXPECT_EQ(check([](M&) { joints[1].drive = 3; }), "model.joints");
   EXPECT_EQ(check([](M& m) { m.kernels = nullptr; }), "") << "the table's own dynamics do";
+  EXPECT_EQ(check([](M& m) { m.dynamics = nullptr; }), "") << "and so do kernels";
 }
 
 TEST(Conditions, WhoHasNoParametersNeedsNoPriors) {

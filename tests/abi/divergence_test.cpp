@@ -458,6 +458,14 @@ TEST(Prediction, counts_the_force_that_is_not_known) {
   tiller::Arena arena(block.memory(), block.size());
   p.lay_out(arena, c, setup, table);
   ASSERT_TRUE(arena.fits());
+  tiller::Belief nothing = belief;
+  nothing.count = 0;
+  p.predict(nothing, planner, nullptr, 0);
+  EXPECT_FALSE(p.made()) << "of no hypothesis";
+  nothing = belief;
+  nothing.spread = nullptr;
+  p.predict(nothing, planner, nullptr, 0);
+  EXPECT_FALSE(p.made()) << "of none that knows its spread";
   p.predict(belief, planner, nullptr, 0);
   // of unit impulses of the force: what each has made of the velocity, summed in squares
   for (std::uint32_t k = 1; k <= kHorizon; ++k) {

@@ -166,6 +166,7 @@ TEST(Conditions, APlanDuringAContactStaysInTheBoxOfACalibration) {
     b.activate();
     fakes::planner.command[0] = 3.0;
     fakes::posterior.force[0] = force;
+    fakes::posterior.param_sd = 0.1;
     EXPECT_EQ(b.executive->calibrate(wide_box(), 50), tiller_status_ok);
     for (int i = 0; i < 3; ++i) (void)b.tick(0.1 + 0.01 * i);
     EXPECT_LE(std::fabs(b.command.value[0]), 10.0);
@@ -176,6 +177,8 @@ TEST(Conditions, APlanDuringAContactStaysInTheBoxOfACalibration) {
 TEST(Conditions, AProberLooksWhereTheTickHasTimeForIt) {
   Bench b(probed_pendulum());
   b.activate();
+  fakes::posterior.param_sd = 0.1;  // there is something to find out
+  fakes::posterior.param_step = 0.05f;
   EXPECT_EQ(b.executive->calibrate(wide_box(), 60), tiller_status_ok);
   for (const tiller_status_t status : {tiller_status_ok, tiller_status_deadline_missed})
     for (const std::uint32_t iterations : {0u, 1u}) {
@@ -187,6 +190,14 @@ TEST(Conditions, AProberLooksWhereTheTickHasTimeForIt) {
   (void)b.executive->disarm();
   (void)b.tick();
   EXPECT_EQ(b.executive->info().calibration_left, 0u) << "it ends with motion";
+  (void)b.executive->arm();
+  (void)b.tick();
+  EXPECT_EQ(b.executive->calibrate(wide_box(), 60), tiller_status_ok);
+  (void)b.tick();
+  EXPECT_GT(b.executive->info().calibration_left, 0u);
+  (void)b.executive->stop(tiller_status_stopped);
+  (void)b.tick();
+  EXPECT_EQ(b.executive->info().calibration_left, 0u);
   (void)b.tick();
 }
 

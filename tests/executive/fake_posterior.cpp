@@ -50,7 +50,7 @@ class Obedient final : public Posterior {
   void moments(double* param_mean, double* param_sd, double* state_mean, double* state_sd) const override {
     const std::uint32_t np = config_->param_count, nx = config_->model->state_count;
     if (param_mean) std::copy(posterior.param, posterior.param + np, param_mean);
-    if (param_sd) std::fill(param_sd, param_sd + np, 0.0);
+    if (param_sd) std::fill(param_sd, param_sd + np, posterior.param_sd);
     if (state_mean) std::copy(posterior.state, posterior.state + nx, state_mean);
     if (state_sd) std::fill(state_sd, state_sd + nx, posterior.state_sd);
   }

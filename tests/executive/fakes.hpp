@@ -35,7 +35,7 @@ struct Posterior {
   int starts = 0;
   std::vector<tiller::Transition> transitions, skipped;
   double state[TILLER_MAX_STATES] = {};
-  double state_sd = 0.0;
+  double state_sd = 0.0, param_sd = 0.0;
   double param[TILLER_MAX_PARAMS] = {};
   bool tested = false;      // the adequacy test below is shown; it is fed a constant of four deviations
   float param_step = 0.0f;  // particle i of a draw has param + i * param_step
