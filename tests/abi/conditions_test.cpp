@@ -270,6 +270,7 @@ TEST(Conditions, OfWhatProbingStillWantsToKnow) {
     EXPECT_TRUE(loop.commands_allowed());
     return loop.info().calibration_left;
   };
+  config.probe.until_sd = nullptr;
   EXPECT_GT(left_after(5), 0u) << "nothing says how well is well enough";
   config.probe.until_sd = until;
   EXPECT_GT(left_after(5), 0u) << "nor does this";
@@ -390,6 +391,26 @@ TEST(Conditions, OfEachCall) {
   tiller_t* other = nullptr;
   rig::Block block(tiller_size(&config));
   EXPECT_EQ(tiller_init(&other, &config, &hooks, block.memory(), block.size()), tiller_status_version_mismatch);
+}
+
+TEST(Conditions, OfARecord) {
+  C config = rig::pendulum_config();
+  config.record_ticks = 4;
+  rig::PendulumPlant plant;
+  rig::Loop loop(config, plant);
+  ASSERT_TRUE(loop.ready());
+  const double target[2] = {};
+  for (int calls : {8, 9, 12}) {
+    for (int i = 0; i < calls; ++i) EXPECT_EQ(tiller_set_target(loop.controller(), target), tiller_status_ok);
+    (void)loop.tick();
+    tiller_record_t record;
+    ASSERT_EQ(tiller_get_record(loop.controller(), loop.info().ticks - 1, &record), tiller_status_ok);
+    EXPECT_EQ(record.calls >> 28, calls > 8 ? tiller_call_lost : tiller_call_goal) << calls;
+  }
+  loop.run(10);
+  tiller_record_t record;
+  EXPECT_EQ(tiller_get_record(loop.controller(), 0, &record), tiller_status_record_overwritten);
+  EXPECT_EQ(tiller_get_record(loop.controller(), 100, &record), tiller_status_bad_dimension);
 }
 
 TEST(Conditions, OfAReferenceForOutputsAlone) {
