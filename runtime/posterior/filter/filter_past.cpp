@@ -64,7 +64,7 @@ void FilterPast::for_each_point_chunk(const RerunTools& tools, const Visit& visi
 
 FilterRows FilterPast::point_lanes(std::uint32_t at) const {
   const FilterRows& f = summary_.filters();
-  return {f.state + at, f.covariance + at, f.effect_state + at, f.stride};
+  return {f.state + at, f.covariance + at, f.effect_state != nullptr ? f.effect_state + at : nullptr, f.stride};
 }
 
 void FilterPast::begin_points(const RerunTools& tools) {

@@ -144,8 +144,8 @@ void FilterParticles::differ(std::uint32_t i, std::uint32_t about, double* off) 
 FilterRows FilterParticles::lanes(std::uint32_t c) const {
   const std::uint32_t at = c * kLanes;
   // without effects that have states there are none, and no offset to them
-  double* const effects = filter.effect_state != nullptr ? filter.effect_state + at : nullptr;
-  return {filter.state + at, filter.covariance + at, effects, n()};
+  double* const effects = filter.effect_state;
+  return {filter.state + at, filter.covariance + at, effects != nullptr ? effects + at : nullptr, n()};
 }
 
 Lanes<double> FilterParticles::laws_of(std::uint32_t c) const {

@@ -1,7 +1,7 @@
 #include "posterior/transition/residual_summary.hpp"
 
+#include <algorithm>
 #include <cmath>
-#include <cstring>
 
 namespace tiller {
 
@@ -22,8 +22,9 @@ ResidualSummary ResidualSummary::lay_out(Arena& arena, std::uint32_t d, const Ev
 }
 
 void ResidualSummary::clear() {
-  std::memset(gram_, 0, sizeof(double) * forms() * triangle_);
-  std::memset(tilt_, 0, sizeof(double) * kLags * projections_ * design_.terms());
+  // either may be empty, and then it has no address
+  std::fill_n(gram_, std::size_t{forms()} * triangle_, 0.0);
+  std::fill_n(tilt_, std::size_t{kLags} * projections_ * design_.terms(), 0.0);
   empty_ = true;
   design_.clear();
 }

@@ -1,5 +1,6 @@
 #include "posterior/transition/transition_ring.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 
@@ -33,8 +34,9 @@ std::uint32_t TransitionRing::push(const MeasuredStep& step) {
     to.history = history;
   }
   set_weight(slot, 1.0);
-  std::memset(basis(slot), 0, sizeof(float) * columns_);
-  std::memset(linked(slot), 0, sizeof(float) * pushed_count_);
+  // without either there is no row, and no address of one
+  std::fill_n(basis(slot), columns_, 0.0f);
+  std::fill_n(linked(slot), pushed_count_, 0.0f);
   return slot;
 }
 
