@@ -43,7 +43,8 @@ TEST(Conditions, EffectsAtEveryPortCountAtEachOfThem) {
   EXPECT_EQ(refused(rig::cart_pole_config(),
                     [](C& c) {  // 3 of the model and 3 of each of 21 effects
                       c.effect_count = 21;
-                      for (std::uint32_t e = 0; e < c.effect_count; ++e) c.effects[e] = {tiller_effect_stribeck_friction, 0};
+                      for (std::uint32_t e = 0; e < c.effect_count; ++e)
+                        c.effects[e] = {tiller_effect_stribeck_friction, 0};
                       c.param_count = 66;
                     }),
             "param_count");
@@ -128,11 +129,10 @@ TEST(Conditions, EveryNumberOfAnOutputsCost) {
     return refused(arm(), [](C& c) { c.cost.outputs = outputs, c.cost.output_count = 2; });
   };
   EXPECT_EQ(with([](O&) {}), "");
-  const std::function<void(O&)> cases[] = {
-      [](O& o) { o.target = kNan; },      [](O& o) { o.low = kNan; },
-      [](O& o) { o.high = kNan; },        [](O& o) { o.high = o.low; },
-      [](O& o) { o.weight = -1.0; },      [](O& o) { o.terminal_weight = kNan; },
-      [](O& o) { o.bound_weight = kInf; }};
+  const std::function<void(O&)> cases[] = {[](O& o) { o.target = kNan; },      [](O& o) { o.low = kNan; },
+                                           [](O& o) { o.high = kNan; },        [](O& o) { o.high = o.low; },
+                                           [](O& o) { o.weight = -1.0; },      [](O& o) { o.terminal_weight = kNan; },
+                                           [](O& o) { o.bound_weight = kInf; }};
   for (const auto& spoil : cases) EXPECT_EQ(with(spoil), "cost.outputs[1]");
 }
 
@@ -331,9 +331,8 @@ TEST(Conditions, OfAModelsTable) {
 TEST(Conditions, WhoHasNoParametersNeedsNoPriors) {
   tiller_model_t model = *tiller_find_model("pendulum");
   model.param_count = 0, model.param_names = nullptr, model.kernels = nullptr;
-  model.dynamics = [](const double* x, const double* u, const double* f, const tiller_body_t*, const double*, double* d) {
-    d[0] = x[1], d[1] = u[0] + f[0];
-  };
+  model.dynamics = [](const double* x, const double* u, const double* f, const tiller_body_t*, const double*,
+                      double* d) { d[0] = x[1], d[1] = u[0] + f[0]; };
   C c;
   ASSERT_EQ(tiller_config_default(&c, &model), tiller_status_ok);
   c.tiller_config_t::priors = nullptr;
@@ -344,8 +343,8 @@ TEST(Conditions, WhoHasNoParametersNeedsNoPriors) {
 TEST(Conditions, EveryStateAndFeatureHasAName) {
   const char* const states[] = {"INIT", "STANDBY", "ACTIVE", "HOLD", "SAFE", "unknown"};
   for (int i = 0; i < 6; ++i) EXPECT_STREQ(tiller_state_name(static_cast<tiller_state_t>(i)), states[i]);
-  const char* const features[] = {"none",     "bias", "velocity", "velocity_sign", "input", "input_change",
-                                  "previous", "size", "position", "unknown"};
+  const char* const features[] = {"none",         "bias",     "velocity", "velocity_sign", "input",
+                                  "input_change", "previous", "size",     "position",      "unknown"};
   for (int i = 0; i <= tiller_feature_count; ++i)
     EXPECT_STREQ(tiller_feature_name(static_cast<tiller_feature_t>(i)), features[i]) << i;
   int beyond = 12;  // a number that a newer library may send

@@ -17,8 +17,8 @@ constexpr unsigned char kCanaryByte = 0xa5;
 
 /// Mostly ordinary numbers, sometimes those that break arithmetic, sometimes any bits.
 double number(fuzz::Bytes& input) {
-  static constexpr double kOdd[] = {0.0,    -0.0,   1e-320, 1e-30, 1e30,     -1e30,    1.7e308,  -1.7e308,
-                                    1e9,    -1e9,   1e12,   1e-12, INFINITY, -INFINITY, NAN,     3.141592653589793};
+  static constexpr double kOdd[] = {0.0, -0.0, 1e-320, 1e-30, 1e30,     -1e30,     1.7e308, -1.7e308,
+                                    1e9, -1e9, 1e12,   1e-12, INFINITY, -INFINITY, NAN,     3.141592653589793};
   const std::uint8_t kind = input.byte();
   if (kind < 224) return (kind - 112) / 32.0;
   if (kind < 250) return kOdd[input.byte() % 16];
@@ -143,7 +143,8 @@ class Life {
     if (size > (8u << 20)) return;
     storage_.assign(size + TILLER_ALIGNMENT + 2 * kCanary, kCanaryByte);
     const auto first = reinterpret_cast<std::uintptr_t>(storage_.data()) + kCanary;
-    unsigned char* const aligned = storage_.data() + kCanary + (TILLER_ALIGNMENT - first % TILLER_ALIGNMENT) % TILLER_ALIGNMENT;
+    unsigned char* const aligned =
+        storage_.data() + kCanary + (TILLER_ALIGNMENT - first % TILLER_ALIGNMENT) % TILLER_ALIGNMENT;
     if (size > 0 && choice % 4 == 1)
       fuzz::require(tiller_init(&t_, &config_, nullptr, aligned, size - 1) == tiller_status_memory_too_small,
                     "a byte less is too little");
@@ -183,8 +184,11 @@ class Life {
     double low[2], high[2], from = number(input), to = number(input);
     for (int i = 0; i < 2; ++i) low[i] = number(input), high[i] = number(input);
     const std::uint8_t kind = input.byte();
-    const tiller_box_t wanted = {kind == 1 ? 3u : static_cast<std::uint32_t>(sizeof(tiller_box_t)), TILLER_CONFIG_VERSION,
-                                 kind & 2 ? low : nullptr, kind & 4 ? high : nullptr, kind & 8 ? &from : nullptr,
+    const tiller_box_t wanted = {kind == 1 ? 3u : static_cast<std::uint32_t>(sizeof(tiller_box_t)),
+                                 TILLER_CONFIG_VERSION,
+                                 kind & 2 ? low : nullptr,
+                                 kind & 4 ? high : nullptr,
+                                 kind & 8 ? &from : nullptr,
                                  kind & 16 ? &to : nullptr};
     (void)tiller_calibrate(t_, kind == 0 ? nullptr : &wanted, input.byte());
   }
@@ -238,7 +242,8 @@ class Life {
   void judge(const tiller_command_t& command) {
     const double u = command.value[0], low = config_.safety.input_low[0], high = config_.safety.input_high[0];
     fuzz::require(u >= low && u <= high, "a command is a number within its limits");
-    for (int i = 1; i < TILLER_MAX_INPUTS; ++i) fuzz::require(command.value[i] == 0.0, "inputs that there are not are 0");
+    for (int i = 1; i < TILLER_MAX_INPUTS; ++i)
+      fuzz::require(command.value[i] == 0.0, "inputs that there are not are 0");
     const bool moving = command.state == tiller_state_active || command.state == tiller_state_hold;
     fuzz::require(command.state <= tiller_state_safe, "a state");
     if (!moving) fuzz::require(u == config_.safety.safe_command[0], "at rest the safe command goes out");

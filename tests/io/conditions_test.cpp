@@ -256,7 +256,8 @@ TEST(Conditions, AnInterfacesClockThatGoesBackALittleBeginsAWindow) {
 // ---- the bus ----
 
 TEST(Conditions, FiltersOverlapInTheBitsThatBothAskFor) {
-  const CanFilter one{0x120, 0x7f0, false}, same{0x12f, 0x7ff, false}, other{0x13f, 0x7ff, false}, far{0x120, 0x7f0, true};
+  const CanFilter one{0x120, 0x7f0, false}, same{0x12f, 0x7ff, false}, other{0x13f, 0x7ff, false},
+      far{0x120, 0x7f0, true};
   EXPECT_TRUE(one.overlaps(same));
   EXPECT_FALSE(one.overlaps(other));
   EXPECT_FALSE(one.overlaps(far)) << "11 bits and 29";
@@ -292,7 +293,8 @@ TEST(Conditions, OfALayout) {
   };
   EXPECT_EQ(error_of(odrives, position(1.0)), "");
   for (const double rate : {0.0, kNan}) EXPECT_TRUE(has(error_of(odrives, position(rate)), "rate limit"));
-  EXPECT_TRUE(has(error_of(odrives, [](CanLayout& l) { l.channels[0].source = static_cast<CanSource>(9); }), "unknown"));
+  EXPECT_TRUE(
+      has(error_of(odrives, [](CanLayout& l) { l.channels[0].source = static_cast<CanSource>(9); }), "unknown"));
   EXPECT_TRUE(has(error_of(layout_of(mit(), CanSource::kMotorPosition, true), [](CanLayout&) {}), "a period old"));
   const auto two = [](const ActuatorSettings& second, std::uint32_t node) {
     return [=](CanLayout& l) {
@@ -361,7 +363,8 @@ TEST(Conditions, ASafeCommandThatPushesEnablesUnlessDrivesAreKeptOff) {
     CanFrame frames[CanRobot::kMaxFrames];
     const std::uint32_t count = robot.command(command, frames);
     bool closed_loop = false;
-    for (std::uint32_t i = 0; i < count; ++i) closed_loop = closed_loop || (frames[i].id == 39 && frames[i].data[0] == 8);
+    for (std::uint32_t i = 0; i < count; ++i)
+      closed_loop = closed_loop || (frames[i].id == 39 && frames[i].data[0] == 8);
     EXPECT_EQ(closed_loop, !kept_off);
   }
 }

@@ -196,8 +196,8 @@ ssize_t sendto(int socket, const void* data, std::size_t size, int flags, const 
   const int error = the_kernel.datagram_error;
   the_kernel.datagram_error = 0;
   if (error != 0) return errno = error, -1;
-  return real<ssize_t (*)(int, const void*, std::size_t, int, const sockaddr*, socklen_t)>("sendto")(
-      socket, data, size, flags, to, length);
+  return real<ssize_t (*)(int, const void*, std::size_t, int, const sockaddr*, socklen_t)>("sendto")(socket, data, size,
+                                                                                                     flags, to, length);
 }
 
 int getifaddrs(ifaddrs** list) {
@@ -256,8 +256,8 @@ ssize_t read(int descriptor, void* bytes, std::size_t size) {
 int clock_gettime(clockid_t clock, timespec* now) {
   const int result = static_cast<int>(syscall(SYS_clock_gettime, clock, now));
   if (clock == CLOCK_MONOTONIC && the_kernel.monotonic_step_ns != 0) {
-    const std::int64_t ns = now->tv_sec * 1000000000 + now->tv_nsec +
-                            (the_kernel.passed_ns += the_kernel.monotonic_step_ns);
+    const std::int64_t ns =
+        now->tv_sec * 1000000000 + now->tv_nsec + (the_kernel.passed_ns += the_kernel.monotonic_step_ns);
     *now = {ns / 1000000000, ns % 1000000000};
   }
   if (clock != CLOCK_REALTIME || the_kernel.realtime_step_ns == 0) return result;

@@ -21,9 +21,9 @@ struct Arrival {
   std::size_t size = CAN_MTU;
   bool own = false;  // MSG_CONFIRM: sent by this socket
   int error = 0;
-  std::int64_t stamp_ns = 0;   // of CLOCK_REALTIME; 0: none
-  std::int64_t drops = -1;     // SO_RXQ_OVFL; -1: not told
-  int foreign_level = 0;       // a control message of this level and another kind comes first; 0: none
+  std::int64_t stamp_ns = 0;  // of CLOCK_REALTIME; 0: none
+  std::int64_t drops = -1;    // SO_RXQ_OVFL; -1: not told
+  int foreign_level = 0;      // a control message of this level and another kind comes first; 0: none
 };
 
 struct Kernel {
@@ -39,12 +39,12 @@ struct Kernel {
   std::deque<Arrival> arrivals;
   std::vector<canfd_frame> sent;
   int send_error = 0;
-  int datagram_error = 0;  // of recvmsg and sendto on UDP, once
+  int datagram_error = 0;              // of recvmsg and sendto on UDP, once
   std::int64_t realtime_step_ns = 0;   // CLOCK_REALTIME was set by so much
   std::int64_t monotonic_step_ns = 0;  // passes at every look at CLOCK_MONOTONIC
   std::int64_t passed_ns = 0;
-  bool no_stamps = false;       // neither kind of arrival stamps, by `error`
-  int made_up_addresses = 0;    // of this machine's interfaces, the first of which has none
+  bool no_stamps = false;         // neither kind of arrival stamps, by `error`
+  int made_up_addresses = 0;      // of this machine's interfaces, the first of which has none
   unsigned long memory_lock = 0;  // RLIMIT_MEMLOCK; 0: the real one
 };
 

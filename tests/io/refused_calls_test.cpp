@@ -1,7 +1,7 @@
 // What io asks of the system beside CAN, refused: UDP, keys, random numbers, liblcm.
+#include <arpa/inet.h>
 #include <gtest/gtest.h>
 #include <lcm/lcm.h>
-#include <arpa/inet.h>
 #include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
@@ -15,11 +15,11 @@
 
 #include "fake_kernel.hpp"
 #include "io/key_file.hpp"
+#include "io/lc02.hpp"
+#include "io/lcm_messages.hpp"
 #include "io/lcm_transport.hpp"
 #include "io/liblcm_backend.hpp"
 #include "io/message_seal.hpp"
-#include "io/lc02.hpp"
-#include "io/lcm_messages.hpp"
 #include "io/random_secret.hpp"
 #include "io/realtime.hpp"
 #include "io/udp_multicast.hpp"
@@ -99,9 +99,9 @@ TEST_F(RefusedCalls, EveryCallThatOpensUdpMayFail) {
 
 TEST_F(RefusedCalls, ReadingAndSendingTellFullFromBroken) {
   UdpMulticast udp;
-  ASSERT_EQ(udp.open(loopback_url(), "A_CHANNEL_WHOSE_NAME_IS_LONGER_THAN_THE_63_LETTERS_THAT_LCM_MESSAGES_MAY_HAVE",
-                     &error),
-            tiller_status_ok);
+  ASSERT_EQ(
+      udp.open(loopback_url(), "A_CHANNEL_WHOSE_NAME_IS_LONGER_THAN_THE_63_LETTERS_THAT_LCM_MESSAGES_MAY_HAVE", &error),
+      tiller_status_ok);
   UdpDatagram datagram;
   kernel().datagram_error = EINTR;
   EXPECT_EQ(udp.read(&datagram), UdpRead::kNothing) << "repeated";
@@ -423,8 +423,7 @@ TEST_F(RefusedCalls, OptionsOfLcmAreCheckedOneByOne) {
   o = by_liblcm(), o.channel_prefix = "arm-1_";
   EXPECT_EQ(open(o), tiller_status_ok);
   kLcmTransport.close(&transport);
-  const std::uint32_t counts[][2] = {
-      {0, 1}, {TILLER_MAX_MEASUREMENTS + 1, 1}, {1, 0}, {1, TILLER_MAX_INPUTS + 1}};
+  const std::uint32_t counts[][2] = {{0, 1}, {TILLER_MAX_MEASUREMENTS + 1, 1}, {1, 0}, {1, TILLER_MAX_INPUTS + 1}};
   for (const auto& c : counts) {
     o = by_liblcm(), o.measurement_count = c[0], o.input_count = c[1];
     EXPECT_EQ(open(o), tiller_status_bad_dimension) << c[0] << " " << c[1];

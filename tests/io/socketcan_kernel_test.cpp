@@ -147,10 +147,14 @@ TEST_F(SocketCanKernel, EachReasonHasItsRemedy) {
     const char* call;
     int error;
     const char* remedy;
-  } cases[] = {{"socket", EAFNOSUPPORT, "modprobe can;"}, {"socket", EPROTONOSUPPORT, "modprobe can_raw"},
-               {"socket", EPERM, "no permission"},        {"socket", EACCES, "no permission"},
-               {"socket", EMFILE, "cannot open"},         {"bind", ENODEV, "is not a CAN interface"},
-               {"bind", EPERM, "cannot bind"},            {"ioctl SIOCGIFINDEX", ENODEV, "type vcan"}};
+  } cases[] = {{"socket", EAFNOSUPPORT, "modprobe can;"},
+               {"socket", EPROTONOSUPPORT, "modprobe can_raw"},
+               {"socket", EPERM, "no permission"},
+               {"socket", EACCES, "no permission"},
+               {"socket", EMFILE, "cannot open"},
+               {"bind", ENODEV, "is not a CAN interface"},
+               {"bind", EPERM, "cannot bind"},
+               {"ioctl SIOCGIFINDEX", ENODEV, "type vcan"}};
   for (const auto& c : cases) {
     fake_kernel::reset();
     kernel().only = c.call;
@@ -237,10 +241,10 @@ TEST_F(SocketCanKernel, FramesOfTheDrivesAreCountedAndOthersToo) {
   open_ready();
   EXPECT_EQ(poll(arrival(kHeartbeat)), tiller_status_no_new_measurement);
   EXPECT_EQ(counters().received, 1u);
-  (void)poll(arrival(7u << 5));                           // nobody's
-  (void)poll(arrival(kHeartbeat | CAN_RTR_FLAG));         // a request is no answer
-  (void)poll(arrival(CAN_EFF_FLAG | kHeartbeat));         // the same number, another identifier
-  (void)poll(arrival(kHeartbeat, 9));                     // longer than a classic frame
+  (void)poll(arrival(7u << 5));                    // nobody's
+  (void)poll(arrival(kHeartbeat | CAN_RTR_FLAG));  // a request is no answer
+  (void)poll(arrival(CAN_EFF_FLAG | kHeartbeat));  // the same number, another identifier
+  (void)poll(arrival(kHeartbeat, 9));              // longer than a classic frame
   Arrival fd = arrival(kHeartbeat, 65);
   fd.size = CANFD_MTU;
   (void)poll(fd);  // longer than any
