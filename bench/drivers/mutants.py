@@ -171,7 +171,8 @@ class Bench:
         self.suffixes = {p.stem: p.suffix for p in SAFETY.glob("*.c*")}
         self.objects = {name: self.compile(SAFETY / (name + self.suffixes[name]), name) for name in sources}
         core = [self.compile(path, path.stem) for path in sorted((ROOT / "runtime/core").glob("*.cpp"))]
-        tests = {path.stem: self.compile(path, path.stem) for path in sorted((ROOT / "tests/safety").glob("*_test.cpp"))}
+        tests = {path.stem: self.compile(path, path.stem)
+                 for path in sorted((ROOT / "tests/safety").glob("*_test.cpp"))}
         alone = tests.pop("gate_rounding_test")  # a program of its own: it takes the place of the cones
         self.programs = [(set(sources), [*tests.values(), *core]), ({"gate"}, [alone, *core])]
 
