@@ -36,25 +36,35 @@ def marked(path):
         sys.exit(f"{path}: a mark of {waiting} stands above no test and no function")
 
 
-def collect(folder, patterns):
-    found = collections.defaultdict(list)
-    for pattern in patterns:
-        for path in sorted(pathlib.Path(folder).glob(pattern)):
-            for requirement, name in marked(path):
-                found[requirement].append(f"[{name}](../../{path.as_posix()})")
+def collect(folder, pattern):
+    """{requirement: {file: names}}"""
+    found = collections.defaultdict(lambda: collections.defaultdict(list))
+    for path in sorted(pathlib.Path(folder).glob(pattern)):
+        for requirement, name in marked(path):
+            found[requirement][path].append(name)
     return found
 
 
+def links(files):
+    """A link for each file, with the number of marks where there are several; names are too long for a table."""
+    return ", ".join(f"[{path.stem}](../../{path.as_posix()})" + (f" ({len(names)})" if len(names) > 1 else "")
+                     for path, names in sorted(files.items()))
+
+
+def count(found):
+    return sum(len(names) for files in found.values() for names in files.values())
+
+
 def main():
-    tests, contracts = collect("tests", ("**/*.cpp",)), collect("runtime/safety", ("*.h",))
+    tests, contracts = collect("tests", "**/*.cpp"), collect("runtime/safety", "*.h")
     lines, numbers, wrong = [], set(), []
     for line in PAGE.read_text(encoding="utf-8").splitlines():
         cells = [cell.strip() for cell in line.strip("|").split("|")] if line.startswith("| SR-") else []
         if cells:
             number = cells[0]
             numbers.add(number)
-            cells[3] = ", ".join(tests[number])
-            cells[4] = ", ".join(contracts[number]) or (cells[4] if cells[4].startswith("none: ") else "")
+            cells[3] = links(tests[number])
+            cells[4] = links(contracts[number]) or (cells[4] if cells[4].startswith("none: ") else "")
             wrong += [f"{number}: no {what}" for what, cell in zip(("statement", "hazard", "test", "contract or reason"), cells[1:])
                       if not cell]
             line = "| " + " | ".join(cells) + " |"
@@ -65,8 +75,8 @@ def main():
         PAGE.write_text(made, encoding="utf-8")
     elif made != PAGE.read_text(encoding="utf-8"):
         wrong.append(f"{PAGE} is not current: python3 tools/dev/requirements.py --write")
-    print(*wrong, f"{len(numbers)} requirements, {sum(map(len, tests.values()))} tests, "
-                  f"{sum(map(len, contracts.values()))} contracts", sep="\n")
+    print(*wrong, f"{len(numbers)} requirements, {count(tests)} marks of tests, "
+                  f"{count(contracts)} of contracts", sep="\n")
     return 1 if wrong or not numbers else 0
 
 
