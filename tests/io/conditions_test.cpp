@@ -405,7 +405,10 @@ void comes_back(const LcmType& type, const Message& message) {
   ASSERT_EQ(lcm_encode(type, &message, bytes.data()), bytes.size());
   Message read{};
   EXPECT_TRUE(lcm_read(bytes.data(), static_cast<std::uint32_t>(bytes.size()), read));
-  EXPECT_EQ(std::memcmp(&read, &message, sizeof read), 0);
+  std::vector<std::uint8_t> again(bytes.size());
+  ASSERT_EQ(lcm_size(type, &read), bytes.size());
+  EXPECT_EQ(lcm_encode(type, &read, again.data()), bytes.size());
+  EXPECT_EQ(again, bytes);
   for (std::uint32_t size = 0; size < bytes.size(); ++size) EXPECT_FALSE(lcm_read(bytes.data(), size, read));
   bytes[0] ^= 1;
   EXPECT_FALSE(lcm_read(bytes.data(), static_cast<std::uint32_t>(bytes.size()), read)) << "another type";
