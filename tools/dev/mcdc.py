@@ -6,9 +6,9 @@ others are equal or were not asked (masking MC/DC, clang's). A decision of one c
 ways, a case of a switch if it was taken and if it was not. What is compiled several times, by a template or for several
 programs, counts once and is covered where any copy is.
 
-Prints a row for each file and every condition that is not covered, writes both to BUILD_FOLDER/mcdc.txt, and ends with 1
-if fewer than the goal are covered, or if one is neither covered nor a row of docs/safety/conditions.md: file, the text of
-the condition as it stands there, and why. --list: those conditions alone, as rows for that table.
+Prints a row for each file and every condition that is not covered, writes both to BUILD_FOLDER/mcdc.txt, and ends
+with 1 if fewer than the goal are covered, or if one is neither covered nor a row of docs/safety/conditions.md: file, the
+text of the condition as it stands there, and why. --list: those conditions alone, as rows for that table.
 """
 import collections
 import json
@@ -31,8 +31,8 @@ def export(build, version):
     subprocess.run([f"llvm-profdata-{version}", "merge", "-sparse", *raw, "-o", profile], check=True)
     programs = sorted(str(p) for p in build.glob("tests/*/*") if p.is_file() and p.stat().st_mode & 0o100)
     objects = [word for program in programs[1:] for word in ("-object", program)]
-    done = subprocess.run([f"llvm-cov-{version}", "export", f"-instr-profile={profile}", programs[0], *objects], check=True,
-                          capture_output=True, text=True)
+    command = [f"llvm-cov-{version}", "export", f"-instr-profile={profile}", programs[0], *objects]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
     return json.loads(done.stdout)["data"][0]
 
 
@@ -47,7 +47,7 @@ def name_in_tree(filename):
 
 
 def collect(data):
-    """Two tables: {file: {span of a decision: [condition i covered]}} and {file: {span: [came out true, false, is part]}}."""
+    """{file: {span of a decision: [condition i covered]}} and {file: {span: [came out true, false, is part]}}."""
     decisions = collections.defaultdict(dict)
     branches = collections.defaultdict(dict)
     part_of_decision = 6  # llvm/ProfileData/Coverage/CoverageMapping.h: MCDCBranchRegion

@@ -1,7 +1,7 @@
 """misra.py: what cppcheck's addon for MISRA C:2012 finds in the C core, against docs/safety/misra.md.
 
-The page has a row for each file and rule: how many, and why they stand. Fails where the two differ: a finding that no row
-allows, or a row that allows more than there are.
+The page has a row for each file and rule: how many, and why they stand. Fails where the two differ: a finding that no
+row allows, or a row that allows more than there are.
 """
 import collections
 import pathlib
@@ -18,9 +18,10 @@ def found():
     for source in SOURCES:
         done = subprocess.run(["cppcheck", "--addon=misra", "--std=c99", "-Iruntime/include", "-Iruntime", "--quiet",
                                f"runtime/safety/{source}"], capture_output=True, text=True, check=True)
-        for path, line, column, rule in re.findall(r"^(\S+):(\d+):(\d+): .*\[misra-c2012-([\d.]+)\]$", done.stderr, re.MULTILINE):
-            place = (path, line, column, rule)  # a header is read with each of the sources
-            counts[path.removeprefix("runtime/"), rule] += place not in seen
+        finding = r"^(\S+):(\d+):(\d+): .*\[misra-c2012-([\d.]+)\]$"
+        for place in re.findall(finding, done.stderr, re.MULTILINE):
+            path, _, _, rule = place
+            counts[path.removeprefix("runtime/"), rule] += place not in seen  # a header is read with each of the sources
             seen.add(place)
     return counts
 

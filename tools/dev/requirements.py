@@ -1,7 +1,7 @@
 """requirements.py [--write]: every safety requirement has tests, and a contract or the reason why none.
 
-docs/safety/requirements.md has a row for each requirement: number, statement and hazards, by hand; then the tests and the
-contracts that are marked with it,
+docs/safety/requirements.md has a row for each requirement: number, statement and hazards, by hand; then the tests and
+the contracts that are marked with it,
 
     // Requirement: SR-3        above a TEST
     /* Requirement: SR-3 */     above a contract (ACSL) of runtime/safety
@@ -16,7 +16,7 @@ import sys
 
 PAGE = pathlib.Path("docs/safety/requirements.md")
 MARK = re.compile(r"Requirement: (SR-\d+(?:, SR-\d+)*)")
-NAME = re.compile(r"^(?:TEST(?:_F|_P)?\((\w+),\s*(\w+)\)|extern \"C\" int (LLVMFuzzerTestOneInput)|(?:\w+ )+(tiller_\w+)\()")
+NAME = re.compile(r"^(?:TEST(?:_F|_P)?\((\w+),\s*(\w+)\)|extern \"C\" int (LLVMFuzzer\w+)|(?:\w+ )+(tiller_\w+)\()")
 
 
 def marked(path):
@@ -65,8 +65,8 @@ def main():
             numbers.add(number)
             cells[3] = links(tests[number])
             cells[4] = links(contracts[number]) or (cells[4] if cells[4].startswith("none: ") else "")
-            wrong += [f"{number}: no {what}" for what, cell in zip(("statement", "hazard", "test", "contract or reason"), cells[1:])
-                      if not cell]
+            whats = ("statement", "hazard", "test", "contract or reason")
+            wrong += [f"{number}: no {what}" for what, cell in zip(whats, cells[1:]) if not cell]
             line = "| " + " | ".join(cells) + " |"
         lines.append(line)
     wrong += [f"{number} is marked and not in {PAGE}" for number in sorted((set(tests) | set(contracts)) - numbers)]
