@@ -14,6 +14,7 @@
 #include "tools/cli/import_function.hpp"
 #include "tools/command/commands.hpp"
 #include "tools/description/function.hpp"
+#include "tools/import/contact_choice.hpp"
 #include "tools/import/figure_writer.hpp"
 #include "tools/import/identifiable.hpp"
 #include "tools/import/model_writer.hpp"
@@ -25,7 +26,7 @@ namespace {
 
 struct Options {
   std::string description, folder, details, base = "fixed";
-  Words unknown, hold, armature, frame, sphere, value;
+  Words unknown, hold, armature, frame, sphere, value, contact;
   std::string sphere_file;
   double margin_rad = 0.0;
   bool any_inertia = false, servos = false, force = false, keep_unidentifiable = false, model_only = false;
@@ -142,6 +143,7 @@ std::string command_text(const Options& o) {
   add("--frame", o.frame);
   add("--hold", o.hold);
   add("--armature", o.armature);
+  add("--contact", o.contact);
   if (o.base != "fixed") text += " --base " + o.base;
   if (o.any_inertia) text += " --any-inertia";
   if (o.servos) text += " --servos";
@@ -288,6 +290,10 @@ bool make_plant(const Options& o, const MechanismOptions& options, const Mechani
     notes.push_back(o.description + ": a base that moves has no ODE plant; [sim] plant = \"model\"");
     return true;
   }
+  if (!mechanism.contacts.empty()) {
+    notes.push_back(o.description + ": contacts have no ODE plant; [sim] plant = \"model\"");
+    return true;
+  }
   if (std::any_of(mechanism.bodies.begin(), mechanism.bodies.end(), [](const MovingBody& b) { return b.has_goal(); })) {
     notes.push_back(o.description + ": servos have no ODE plant; [sim] plant = \"model\"");
     return true;
@@ -370,6 +376,18 @@ int write_files(const Options& o, const MechanismOptions& options, const Descrip
   return kExitOk;
 }
 
+/// Contacts that settle too fast for any step that a robot file may have.
+bool can_be_stepped(const Mechanism& mechanism, std::vector<std::string>& errors) {
+  if (contact_substeps(mechanism, kImportPeriod_s) > 0) return true;
+  for (const ContactPair& pair : mechanism.contacts)
+    if (Mechanism one = {}; one.contacts.push_back(pair), contact_substeps(one, kImportPeriod_s) == 0)
+      errors.push_back("--contact " + pair.spelled + ": " + mechanism.path + " lets it settle in " +
+                       number_text(pair.law.settle_s) + " s (damping ratio " + number_text(pair.law.damping_ratio) +
+                       "), which takes steps shorter than a period of " + number_text(kImportPeriod_s) +
+                       " s has (64); write a softer solref, for example solref=\"0.005 1\"");
+  return false;
+}
+
 /// Options that the other kind of file has no use for are refused: whoever gives them takes the file for another one.
 bool options_fit(const Options& o, bool is_function) {
   const auto refuse = [&](bool given, const char* option) {
@@ -383,6 +401,7 @@ bool options_fit(const Options& o, bool is_function) {
     bad |= refuse(!o.frame.empty(), "--frame");
     bad |= refuse(!o.hold.empty(), "--hold");
     bad |= refuse(!o.armature.empty(), "--armature");
+    bad |= refuse(!o.contact.empty(), "--contact");
     bad |= refuse(o.base != "fixed", "--base");
     bad |= refuse(o.any_inertia, "--any-inertia");
     bad |= refuse(o.servos, "--servos");
@@ -426,6 +445,7 @@ int import_command(Options& o) {
   std::vector<int> frames;
   if (!read_joint_options(o, options, errors) || !read_description(o.description, description, errors) ||
       !expand_held(description, options, errors) || !build_mechanism(description, options, mechanism, errors) ||
+      !choose_contacts(description, o.contact, mechanism, errors) || !can_be_stepped(mechanism, errors) ||
       !read_unknowns(o.unknown, mechanism, unknowns, errors) || !read_frames(mechanism, o.frame, frames, errors) ||
       !within_limits(o, mechanism, name_model(mechanism), unknowns, errors))
     return complain_all(errors);
@@ -449,6 +469,8 @@ constexpr char kImportFooter[] =
     "      the hand keeps away from the base; `tiller import my_arm.urdf -o my_arm --model-only` after spheres move\n"
     "  tiller import ur5.urdf --unknown mass:forearm_link --frame tool0 --hold wrist_3_joint\n"
     "      one mass in doubt, five joints\n"
+    "  tiller import leg.xml --contact foot:plane --unknown contact:foot\n"
+    "      the foot stands on the ground, with a prior for the friction\n"
     "  tiller import cart_pole.casadi --value pole_kg=0.2,length_m=0.5 --unknown pole_kg\n"
     "      xdot = f(x, u, p) as CasADi saved it; symbols' names become the names of states and parameters";
 
@@ -473,8 +495,14 @@ void add_import_command(CLI::App& app, int& exit_code) {
   command->add_option("-o,--output", o->folder, "folder for the model's header and robot.toml [the robot's name]");
   command
       ->add_option("--unknown", o->unknown,
-                   "what is uncertain: payload[=KG], mass:LINK, inertia:LINK, friction:JOINT, gain:JOINT;\n"
+                   "what is uncertain: payload[=KG], mass:LINK, inertia:LINK, friction:JOINT, gain:JOINT,\n"
+                   "contact:GEOM (its friction);\n"
                    "of a function: its parameters; * for every one; several by commas")
+      ->delimiter(',');
+  command
+      ->add_option("--contact", o->contact,
+                   "of an MJCF: GEOM:plane or GEOM:GEOM2, a pair that pushes at each other: a sphere, a capsule's ends\n"
+                   "or a box's corners on a plane, a box or a sphere; several by commas. Others pass through each other")
       ->delimiter(',');
   command
       ->add_option(

@@ -75,6 +75,29 @@ struct FrameText {
   Pose pose;  ///< in the link's frame
 };
 
+/// How two shapes push at each other: MuJoCo's terms, as it mixes them for a pair.
+struct TouchLaw {
+  double friction = 0.0;       ///< 0: none
+  double settle_s = 0.02;      ///< solref's time constant
+  double damping_ratio = 1.0;  ///< solref's
+  double impedance = 0.95;     ///< solimp's, where the shapes are in each other
+};
+
+/// A shape on a link: what may touch.
+struct ShapeText {
+  std::string name, link, type;  ///< type as in an MJCF: "sphere"
+  Pose pose;                     ///< in the link's frame
+  Vec3<double> size{};           ///< MuJoCo's: radius; radius and half length; half edges
+  TouchLaw law;
+  int condim = 3, priority = 0;
+  double mix = 1.0;  ///< weight where a pair's law is mixed
+};
+/// A pair whose law stands in the file.
+struct PairText {
+  std::string a, b;
+  TouchLaw law;
+};
+
 /// What ties two links beside the joints of the tree.
 struct TieText {
   std::string name, kind, link_a, link_b;
@@ -86,6 +109,10 @@ struct Description {
   std::vector<JointText> joints;
   std::vector<FrameText> frames;
   std::vector<TieText> ties;
+  std::vector<ShapeText> shapes;
+  std::vector<PairText> pairs;
+  bool has_shapes = false;  ///< the format has them, and an import that wrote them
+  double grip_ratio = 1.0;  ///< MuJoCo's impratio: how much stiffer friction is than the push
   std::string free_joint;  ///< what carries the whole robot through space, where the file has such a joint: fixed here
   Vec3<double> gravity_m_s2{0.0, 0.0, -9.81};
   std::string compiled;               ///< of an MJCF: what MuJoCo says of it, as JSON, which can be read in its place

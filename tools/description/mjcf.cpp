@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -48,6 +49,7 @@ class CompiledReader {
       if (const std::size_t b = site.at("body").get<std::size_t>(); !left_out(b))
         robot_.frames.push_back({text(site, "name"), body_name(b), pose_of(site.at("quat"), site.at("pos"))});
     read_home();
+    read_shapes();
     note_the_rest();
   }
 
@@ -243,6 +245,41 @@ class CompiledReader {
         if (JointText* joint = find_joint(text(joints[j], "name")); joint != nullptr)
           joint->start = key.at("positions").at(j).get<double>();
     }
+  }
+
+  static TouchLaw law_of(const Json& json) {
+    TouchLaw law;
+    law.friction = number(json, "friction");
+    const double first = json.at("solref").at(0).get<double>(), second = json.at("solref").at(1).get<double>();
+    const bool is_direct = first <= 0.0;  // -stiffness, -damping, per mass
+    law.settle_s = is_direct ? (second < 0.0 ? -2.0 / second : std::numeric_limits<double>::infinity()) : first;
+    law.damping_ratio = is_direct ? (first < 0.0 ? -0.5 * second / std::sqrt(-first) : 0.0) : second;
+    law.impedance = std::clamp(json.at("solimp").at(1).get<double>(), 0.0001, 0.9999);
+    return law;
+  }
+
+  void read_shapes() {
+    robot_.has_shapes = json_.contains("shapes");
+    if (!robot_.has_shapes) return;  // an older import's
+    for (const Json& json : json_.at("shapes")) {
+      ShapeText shape;
+      shape.name = text(json, "name");
+      shape.link = text(json, "body");
+      shape.type = text(json, "type");
+      shape.pose = pose_of(json.at("quat"), json.at("pos"));
+      shape.size = triple(json.at("size"));
+      shape.law = law_of(json);
+      shape.condim = json.at("condim").get<int>();
+      shape.priority = json.at("priority").get<int>();
+      shape.mix = number(json, "solmix");
+      robot_.shapes.push_back(shape);
+    }
+    for (const Json& json : json_.at("pairs")) {
+      const auto ends = json.at("geoms").get<std::array<std::string, 2>>();
+      robot_.pairs.push_back({ends[0], ends[1], law_of(json)});
+      if (json.at("condim").get<int>() == 1) robot_.pairs.back().law.friction = 0.0;
+    }
+    robot_.grip_ratio = number(json_, "impratio");
   }
 
   void note_the_rest() {

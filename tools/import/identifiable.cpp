@@ -148,6 +148,7 @@ class Derivatives {
         take({Kind::gain, p.name, p.about, p.sd}, {-1, {}, joint(p.about)});
         continue;
       }
+      if (p.kind == ModelParameter::Kind::contact) continue;  // motions in the air tell nothing of it
       const bool is_mass = p.kind == ModelParameter::Kind::mass;
       for (std::size_t i = 0; i < mechanism_.bodies.size(); ++i)
         for (const LinkShare& share : mechanism_.bodies[i].links) {

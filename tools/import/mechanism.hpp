@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "tools/description/description.hpp"
+#include "tools/import/contact.hpp"
 
 namespace tiller::tools {
 
@@ -65,6 +66,7 @@ struct Mechanism {
   std::string name, path;
   std::vector<MovingBody> bodies;
   std::vector<NamedFrame> frames;
+  std::vector<ContactPair> contacts;
   Vec3<double> gravity_m_s2{0.0, 0.0, -9.81};             ///< none along y
   std::vector<std::string> notes, left_out, idle_drives;  ///< as the description has them
 

@@ -6,6 +6,7 @@
 #include "tools/base/frame_names.hpp"
 #include "tools/base/text.hpp"
 #include "tools/import/articulated_body.hpp"
+#include "tools/import/contact_law.hpp"
 #include "tools/import/inverse_dynamics.hpp"
 #include "tools/import/model_text.hpp"
 
@@ -31,6 +32,14 @@ class Equations {
     if (!followers.empty()) hold(tree, followers, found);
     std::vector<Expression> out;
     for (const int body : names_.bodies) out.push_back(found[at(body)]);
+    return mechanism_.contacts.empty() ? out : contacts(out).acceleration;
+  }
+
+  /// Forces along normal and tangents of every place of contact, then the gaps.
+  std::vector<Expression> contact_forces() {
+    const std::vector<Expression> touching = accelerations();  // of the same graph: what is shared is one
+    std::vector<Expression> out = answer_.force;
+    out.insert(out.end(), answer_.gap.begin(), answer_.gap.end());
     return out;
   }
 
@@ -323,6 +332,43 @@ class Equations {
     return out;
   }
 
+  // ---- contacts ----
+
+  /// What the contacts make of the accelerations without them.
+  const ContactAnswer& contacts(const std::vector<Expression>& free) {
+    std::vector<std::vector<Expression>> inverse = responses();
+    for (std::size_t r = 0; r < inverse.size(); ++r)
+      for (std::size_t c = r + 1; c < inverse.size(); ++c) inverse[r][c] = inverse[c][r];
+    ArticulatedBody<Expression> tree(mechanism_, {});
+    tree.place(positions());
+    const std::vector<Expression> speed = speeds();
+    const BodyMotions<Expression> motions(mechanism_, tree, speed);
+    std::vector<ContactTerms> terms;
+    std::vector<ContactRows<Expression>> rows;
+    for (const ContactPair& pair : mechanism_.contacts) {
+      using Kind = ModelParameter::Kind;
+      terms.push_back({parameter(Kind::contact, pair.name, 0, pair.law.friction),
+                       parameter(Kind::contact, pair.name, 1, pair.law.settle_s),
+                       parameter(Kind::contact, pair.name, 2, pair.law.damping_ratio)});
+      for (const ContactPoint& place : pair.points) rows.push_back(of_joints(motions.rows(place)));
+    }
+    answer_ = answer_contacts(mechanism_.contacts, terms, rows, inverse, free);
+    return answer_;
+  }
+
+  /// What follows a joint goes along with it.
+  ContactRows<Expression> of_joints(ContactRows<Expression> rows) const {
+    for (std::vector<Expression>& reach : rows.reach) {
+      std::vector<Expression> joints(names_.bodies.size());
+      for (std::size_t i = 0; i < reach.size(); ++i) {
+        const MovingBody& b = mechanism_.bodies[i];
+        joints[joint_of(i)] += b.mimics < 0 ? reach[i] : Expression(b.mimic_ratio) * reach[i];
+      }
+      reach = joints;
+    }
+    return rows;
+  }
+
   // ---- joints that follow others ----
 
   std::vector<int> mimicking() const {
@@ -398,6 +444,7 @@ class Equations {
   const Unknowns& unknowns_;
   const ModelNames& names_;
   const int payload_frame_;
+  ContactAnswer answer_;
 };
 
 /// The body of `slopes` behind the inverse inertia.
@@ -466,10 +513,18 @@ struct Source {
   bool has_params() const { return !unknowns.parameters.empty(); }
 };
 
+std::string using_text(const ExpressionGraph& graph, const std::vector<Expression>& outputs) {
+  std::string text = "    using tiller::sincos;\n";
+  for (const std::string& name : called_functions(graph, outputs))
+    if (name != "sin" && name != "cos" && name != "sincos") text += "    using tiller::" + name + ";\n";
+  return text;
+}
+
 std::string dynamics_text(const Source& s, int& operations) {
   Equations dynamics = s.equations();
   std::vector<std::string> values;
-  const std::string code = emit_code(dynamics.graph, dynamics.accelerations(), "    ", values, &operations);
+  const std::vector<Expression> accelerations = dynamics.accelerations();
+  const std::string code = emit_code(dynamics.graph, accelerations, "    ", values, &operations);
   std::vector<std::string> derivatives;
   for (const std::string& v : s.n.velocities) derivatives.push_back("x." + v);
   derivatives.insert(derivatives.end(), values.begin(), values.end());
@@ -477,9 +532,36 @@ std::string dynamics_text(const Source& s, int& operations) {
          "  __attribute__((noinline)) static State dynamics(const State& x, [[maybe_unused]] const Input& u, const Force& f,\n"
          "                        [[maybe_unused]] const tiller::Body<S>& body" +
          std::string(s.has_params() ? ", const Params& p" : "") +
-         ") {\n"
-         "    using tiller::sincos;\n" +
-         code + "    return {" + listed(derivatives, "            ") + "};\n  }\n\n";
+         ") {\n" +
+         using_text(dynamics.graph, accelerations) + code + "    return {" + listed(derivatives, "            ") +
+         "};\n  }\n\n";
+}
+
+/// For tests, plots and whoever wants to know: no other function calls it.
+std::string contact_forces_text(const Source& s) {
+  if (s.mechanism.contacts.empty()) return "";
+  Equations equations = s.equations();
+  std::vector<std::string> values;
+  const std::vector<Expression> told = equations.contact_forces();
+  const std::string code = emit_code(equations.graph, told, "    ", values);
+  Words places;
+  for (const ContactPair& pair : s.mechanism.contacts)
+    for (std::size_t k = 0; k < pair.points.size(); ++k)
+      places.push_back("\"" + pair.spelled + (pair.points.size() > 1 ? "/" + std::to_string(k + 1) : "") + "\"");
+  const std::string count = std::to_string(places.size());
+  std::string text = "  static constexpr const char* contacts[] = {" + join(places) +
+                     "};\n  /// Forces on the first of each pair, along the normal and two tangents, and how far apart the two are.\n"
+                     "  static void contact_forces(const State& x, [[maybe_unused]] const Input& u, const Force& f,\n"
+                     "                             [[maybe_unused]] const tiller::Body<S>& body, const Params& p, S (*force)[3],\n"
+                     "                             S* gap) {\n" +
+                     using_text(equations.graph, told) + code;
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    const std::string at = "[" + std::to_string(i) + "]";
+    for (std::size_t k = 0; k < 3; ++k)
+      text += "    force" + at + "[" + std::to_string(k) + "] = " + values[3 * i + k] + ";\n";
+    text += "    gap" + at + " = " + values[3 * places.size() + i] + ";\n";
+  }
+  return text + "  }\n\n";
 }
 
 std::string responses_text(const Source& s, int& operations) {
@@ -590,8 +672,10 @@ WrittenModel write_model(const Mechanism& mechanism, const Unknowns& unknowns, i
   out.names = name_model(mechanism);
   const Source source{mechanism, unknowns, out.names, payload_frame};
   const std::string dynamics = dynamics_text(source, out.operations);
-  out.text = fields_and_joints(source, out.operations) + dynamics + responses_text(source, out.response_operations);
+  out.text = fields_and_joints(source, out.operations) + dynamics + contact_forces_text(source) +
+             responses_text(source, out.response_operations);
   const bool has_slopes =
+      mechanism.contacts.empty() &&
       std::none_of(mechanism.bodies.begin(), mechanism.bodies.end(), [](const MovingBody& b) { return b.mimics >= 0; });
   if (has_slopes) {
     const std::string code = slopes_text(mechanism, unknowns, out.names, payload_frame, out.slope_operations);

@@ -5,6 +5,7 @@
 
 #include "tools/base/text.hpp"
 #include "tools/import/articulated_body.hpp"
+#include "tools/import/contact_choice.hpp"
 #include "tools/import/mechanism_task.hpp"
 
 namespace tiller::tools {
@@ -17,7 +18,7 @@ constexpr double kUnstatedEffort = 10.0;
 /// what a tenth of a radian does.
 constexpr double kGoal_rad_s = 3.0, kGoal_m_s = 0.5, kGoalWeight = 10.0;
 constexpr double kMove_rad = 0.3, kMove_m = 0.05;
-constexpr double kPeriod_s = 0.01;
+constexpr double kPeriod_s = kImportPeriod_s;
 /// A joint at twice its largest speed costs this much a period; full effort costs 0.1.
 constexpr double kSpeedWeight = 1000.0;
 /// Share of the effort that nobody explains, from tick to tick.
@@ -89,6 +90,8 @@ class RobotText {
   }
   /// Dry friction at many joints asks for short steps, which many joints cannot have within a tick.
   std::string substeps() const {
+    if (const unsigned steps = contact_substeps(mechanism_, kPeriod_s); steps > 1)
+      return "substeps = " + std::to_string(steps) + "   # a contact settles in two steps or more\n";
     return joints() > 3 && unknowns_.friction.size() > 3
                ? "substeps = 2   # `tiller check` asks for more, for friction's sake; a tick then takes longer\n"
                : "";

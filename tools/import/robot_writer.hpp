@@ -7,6 +7,9 @@
 
 namespace tiller::tools {
 
+/// Of every robot file that an import writes.
+constexpr double kImportPeriod_s = 0.01;
+
 /// What an import adds to the robot file beside what every robot has.
 struct TaskExtras {
   double margin_rad = 0.0;  ///< of the joints that turn, before their ends

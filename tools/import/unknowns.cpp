@@ -34,7 +34,7 @@ namespace {
 constexpr double kPayload_kg = 3.0;
 /// How far a description's numbers are believed where they are called unknown: a quarter for masses, a tenth for
 /// shapes and gains.
-constexpr double kMassShare = 0.25, kShapeSd = 0.1, kShiftSd_m = 0.01, kGainSd = 0.1;
+constexpr double kMassShare = 0.25, kShapeSd = 0.1, kShiftSd_m = 0.01, kGainSd = 0.1, kGripShare = 0.25;
 /// A joint whose friction nobody states: of its effort, at most so much dry, and so much viscous at its top
 /// speed. Four harmonic drives took 5 to 12 % dry (docs/evidence/measured.md, the TIAGo), and others may take more; what
 /// takes all of the effort leaves no speed beyond.
@@ -48,9 +48,11 @@ class Reader {
       if (body.mimics < 0) joints_.push_back(body.joint);
       for (const LinkShare& share : body.links) links_.push_back(share.link);
     }
+    for (const ContactPair& pair : mechanism.contacts) pairs_.push_back(pair.name);
   }
 
   void read(const std::vector<std::string>& words) {
+    for (const ContactPair& pair : mechanism_.contacts) add_contact(pair);
     for (const std::string& word : words) take(word);
     for (const MovingBody& body : mechanism_.bodies) {
       if (body.mimics >= 0 || has_friction(body.joint) || !(body.damping + body.friction > 0.0)) continue;
@@ -65,15 +67,19 @@ class Reader {
     const std::string kind = word.substr(0, std::min(colon, equals));
     const std::string about = colon == std::string::npos ? "" : word.substr(colon + 1);
     if (kind == "payload") return take_payload(word, equals);
-    static const Words kinds{"payload", "mass", "inertia", "friction", "gain"};
+    static const Words kinds{"payload", "mass", "inertia", "friction", "gain", "contact"};
     if (std::find(kinds.begin(), kinds.end(), kind) == kinds.end())
       return fail(word,
-                  "is none of payload[=KG], mass:LINK, inertia:LINK, friction:JOINT, gain:JOINT" + meant(kind, kinds));
+                  "is none of payload[=KG], mass:LINK, inertia:LINK, friction:JOINT, gain:JOINT, contact:GEOM" + meant(kind, kinds));
     const bool of_link = kind == "mass" || kind == "inertia";
-    const Words& known = of_link ? links_ : joints_;
+    const bool of_pair = kind == "contact";
+    const Words& known = of_pair ? pairs_ : of_link ? links_ : joints_;
+    if (of_pair && pairs_.empty()) return fail(word, "there are no contacts; name them with --contact GEOM:plane");
     if (about.empty())
-      return fail(
-          word, "names no " + std::string(of_link ? "link" : "joint") + "; write " + kind + ":NAME or " + kind + ":*");
+      return fail(word, "names no " + std::string(of_pair ? "contact" : of_link ? "link" : "joint") + "; write " + kind +
+                            ":NAME or " + kind + ":*");
+    if (of_pair && about != "*" && std::find(known.begin(), known.end(), about) == known.end())
+      return fail(word, "no contact of --contact is called '" + about + "'" + meant(about, known));
     if (about != "*" && std::find(known.begin(), known.end(), about) == known.end())
       return fail(word, std::string(of_link ? "no link that moves and has inertia" : "no joint that moves by itself") +
                             " is called '" + about + "'" + meant(about, known));
@@ -129,6 +135,20 @@ class Reader {
     if (kind == "gain" && !has(Kind::gain, about) && body_of(about).actuated)
       out_.parameters.push_back({Kind::gain, identifier(about) + "_gain", about, 0, 1.0, kGainSd});
     if (kind == "friction") add_friction(body_of(about));
+    if (kind == "contact")
+      for (ModelParameter& p : out_.parameters)
+        if (p.kind == Kind::contact && p.about == about && p.slot == 0) p.is_held = false;
+  }
+
+  /// Known, but for the friction where it is asked for: the two others are how the law is made stable.
+  void add_contact(const ContactPair& pair) {
+    using Kind = ModelParameter::Kind;
+    const auto add = [&](const char* what, int slot, double value, const std::string& comment) {
+      out_.parameters.push_back({Kind::contact, pair.name + what, pair.name, slot, value, kGripShare, true, comment});
+    };
+    if (pair.law.friction > 0.0) add("_friction", 0, pair.law.friction, pair.spelled);
+    add("_settle_s", 1, pair.law.settle_s, "a step of the integrator may be half as long at most");
+    add("_damping_ratio", 2, pair.law.damping_ratio, "");
   }
 
   bool has_friction(const std::string& joint) const {
@@ -150,7 +170,7 @@ class Reader {
   const Mechanism& mechanism_;
   Unknowns& out_;
   std::vector<std::string>& errors_;
-  Words joints_, links_;
+  Words joints_, links_, pairs_;
 };
 
 }  // namespace

@@ -9,11 +9,11 @@ namespace tiller::tools {
 
 /// A parameter of the emitted model: what it stands for, its value by the description and how far that is believed.
 struct ModelParameter {
-  enum class Kind { mass, inertia, gain };
+  enum class Kind { mass, inertia, gain, contact };
   Kind kind = Kind::mass;
   std::string name;          ///< as in the robot file: "forearm_link_mass_kg"
-  std::string about;         ///< the link or joint
-  int slot = 0;              ///< of an inertia's ten coordinates
+  std::string about;         ///< the link, joint or pair
+  int slot = 0;              ///< of an inertia's ten coordinates; of a contact 0 friction, 1 settle_s, 2 damping_ratio
   double value = 0.0;        ///< by the description
   double sd = 0.0;           ///< of the prior: of an inertia's coordinates as it is, else of the logarithm
   bool is_held = false;      ///< at `value`, which stands in the prior's place
@@ -39,7 +39,8 @@ struct Unknowns {
   std::vector<JointFriction> friction;
 };
 
-/// Takes the words of --unknown: payload[=KG], mass:LINK, inertia:LINK, friction:JOINT, gain:JOINT; `*` for every one.
+/// Takes the words of --unknown: payload[=KG], mass:LINK, inertia:LINK, friction:JOINT, gain:JOINT,
+/// contact:PAIR; `*` for every one.
 /// What the description says of damping and friction is there too, fixed. False with what is wrong in `errors`.
 bool read_unknowns(const std::vector<std::string>& words, const Mechanism& mechanism, Unknowns& unknowns,
                    std::vector<std::string>& errors);

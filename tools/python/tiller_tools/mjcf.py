@@ -67,6 +67,21 @@ def tendon_of(mujoco, m, k, name, joint, no_springs, no_damping, no_friction, no
     return {**out, "acts": higher or any(out[key] for key in acting)}
 
 
+def shapes_of(mujoco, m, geom, body):
+    """What a contact may be made of, with what MuJoCo mixes for a pair."""
+    return [{"name": geom[k], "body": body[m.geom_bodyid[k]], "type": word(mujoco.mjtGeom, m.geom_type[k], "mjGEOM_"),
+             "pos": m.geom_pos[k].tolist(), "quat": m.geom_quat[k].tolist(), "size": m.geom_size[k].tolist(),
+             "friction": float(m.geom_friction[k][0]), "condim": int(m.geom_condim[k]),
+             "priority": int(m.geom_priority[k]), "solmix": float(m.geom_solmix[k]),
+             "solref": m.geom_solref[k].tolist(), "solimp": m.geom_solimp[k].tolist()} for k in range(m.ngeom)]
+
+
+def pairs_of(m, geom):
+    return [{"geoms": [geom[m.pair_geom1[k]], geom[m.pair_geom2[k]]], "friction": float(m.pair_friction[k][0]),
+             "condim": int(m.pair_dim[k]), "solref": m.pair_solref[k].tolist(), "solimp": m.pair_solimp[k].tolist()}
+            for k in range(m.npair)]
+
+
 def describe(mujoco, m, stem):
     obj, lists = mujoco.mjtObj, lambda rows: [[float(v) for v in row] for row in rows]
     body = Names(mujoco, m, obj.mjOBJ_BODY, m.nbody, lambda k: f"body{k}").of
@@ -152,6 +167,8 @@ def describe(mujoco, m, stem):
                         for k, name in enumerate(names(obj.mjOBJ_KEY, m.nkey, "key"))]
     out["touching"] = int(sum(1 for k in range(m.ngeom) if m.geom_contype[k] or m.geom_conaffinity[k])) + m.npair
     out["touching_world"] = touching_world(m, body)
+    geom = names(obj.mjOBJ_GEOM, m.ngeom, "geom")
+    out["shapes"], out["pairs"], out["impratio"] = shapes_of(mujoco, m, geom, body), pairs_of(m, geom), m.opt.impratio
     out["fluid_bodies"] = sorted({body[m.geom_bodyid[k]] for k in range(m.ngeom) if m.geom_fluid[k][0] > 0.0})
     out["plugins"] = names(obj.mjOBJ_PLUGIN, m.nplugin, "plugin")
     out["flexes"] = names(obj.mjOBJ_FLEX, m.nflex, "flex")
