@@ -261,8 +261,10 @@ class Chooser {
     } else if (a.shape->type == "box") {
       const Pose stands = world_pose(b.body, face);
       const Face mine = face_along(a, {-stands.rotation(0, 2), -stands.rotation(1, 2), -stands.rotation(2, 2)});
-      for (const double x : {-1.0, 1.0})
-        for (const double y : {-1.0, 1.0}) {
+      using Ends = std::vector<double>;
+      const Ends ends = turns(a.body, b.body) ? Ends{-1.0, 1.0} : Ends{0.0};
+      for (const double x : ends)
+        for (const double y : ends) {
           Vec3<double> corner{};
           const auto k = static_cast<std::size_t>(mine.axis);
           corner[k] = mine.sign * size[k];
@@ -285,6 +287,23 @@ class Chooser {
       pair.points.push_back(point);
     }
     return true;
+  }
+
+  /// Whether a body can turn against another; where it cannot, a face touches as its centre does.
+  bool turns(int a, int b) const {
+    const auto chain = [&](int body) {
+      std::vector<int> out;
+      for (int i = body; i >= 0; i = mechanism_.bodies[static_cast<std::size_t>(i)].parent) out.push_back(i);
+      return out;
+    };
+    const std::vector<int> of_a = chain(a), of_b = chain(b);
+    const auto any = [&](const std::vector<int>& own, const std::vector<int>& other) {
+      return std::any_of(own.begin(), own.end(), [&](int i) {
+        return !mechanism_.bodies[static_cast<std::size_t>(i)].prismatic &&
+               std::find(other.begin(), other.end(), i) == other.end();
+      });
+    };
+    return any(of_a, of_b) || any(of_b, of_a);
   }
 
   /// Corners as wide as a share of the weight of what a place accelerates, where the robot starts.

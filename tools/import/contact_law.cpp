@@ -8,7 +8,8 @@ namespace {
 constexpr double kReach_m = 0.001;    // from here on a place begins to push
 constexpr double kDeepest_m = 0.02;   // what is deeper in is not thrown out faster
 constexpr double kOpen = 1e-6;        // impedance of what does not touch
-constexpr int kSweeps = 4;
+constexpr int kSweeps = 3;            // of several places
+constexpr double kLeastShare = 0.1;   // of a place's own yielding that a pull across may leave (Painleve's case)
 
 /// One direction of one place that joints can move.
 struct Row {
@@ -37,6 +38,24 @@ Expression share_within(const Expression& size, const Expression& most, double c
   return Expression(2.0) * most / (sqrt(above * above + corner) + sqrt(below * below + corner));
 }
 
+/// A symmetric positive system by elimination without pivots.
+std::vector<Expression> solve_symmetric(std::vector<std::vector<Expression>> a, std::vector<Expression> b) {
+  const std::size_t n = b.size();
+  for (std::size_t k = 0; k < n; ++k) {
+    const Expression inverse = Expression(1.0) / a[k][k];
+    for (std::size_t r = k + 1; r < n; ++r) {
+      const Expression factor = a[k][r] * inverse;
+      for (std::size_t c = r; c < n; ++c) a[r][c] -= factor * a[k][c];
+      b[r] -= factor * b[k];
+    }
+  }
+  for (std::size_t k = n; k-- > 0;) {
+    for (std::size_t c = k + 1; c < n; ++c) b[k] -= a[k][c] * b[c];
+    b[k] = b[k] / a[k][k];
+  }
+  return b;
+}
+
 bool moves(const std::vector<Expression>& reach) {
   return std::any_of(reach.begin(), reach.end(), [](const Expression& r) { return !r.is(0.0); });
 }
@@ -57,10 +76,10 @@ class Solver {
       for (std::size_t k = 0; k < pairs[p].points.size(); ++k) pair_of_.push_back(p);
     for (std::size_t i = 0; i < places.size(); ++i) add(i, pairs[pair_of_[i]], terms[pair_of_[i]], inverse, free);
     couple();
-    solve_together();
-    for (std::size_t i = 0; i < places.size(); ++i) confine(i, pairs[pair_of_[i]], terms[pair_of_[i]].friction, false);
-    for (int sweep = 0; sweep < kSweeps; ++sweep)
-      for (std::size_t i = 0; i < places.size(); ++i) confine(i, pairs[pair_of_[i]], terms[pair_of_[i]].friction, true);
+    if (places.size() > 1) solve_together();
+    const int sweeps = places.size() > 1 ? kSweeps : 1;
+    for (int sweep = 0; sweep < sweeps; ++sweep)
+      for (std::size_t i = 0; i < places.size(); ++i) confine(i, pairs[pair_of_[i]], terms[pair_of_[i]].friction);
   }
 
   ContactAnswer answer(const std::vector<Expression>& free) const {
@@ -108,72 +127,73 @@ class Solver {
     for (std::size_t r = 0; r < n; ++r)
       for (std::size_t c = 0; c <= r; ++c)
         coupling_[r][c] = coupling_[c][r] = product(rows_[r].reach, rows_[c].response);
-    for (std::size_t r = 0; r < n; ++r) ease_.push_back(Expression(1.0) / coupling_[r][r]);
   }
 
-  /// As if everything stuck, by elimination: symmetric and positive.
   void solve_together() {
-    const std::size_t n = rows_.size();
     std::vector<std::vector<Expression>> a = coupling_;
     std::vector<Expression> b;
-    for (std::size_t r = 0; r < n; ++r) {
+    for (std::size_t r = 0; r < rows_.size(); ++r) {
       a[r][r] = a[r][r] / rows_[r].impedance;
       b.push_back(rows_[r].wanted);
     }
-    for (std::size_t k = 0; k < n; ++k) {
-      const Expression inverse = Expression(1.0) / a[k][k];
-      for (std::size_t r = k + 1; r < n; ++r) {
-        const Expression factor = a[k][r] * inverse;
-        for (std::size_t c = r; c < n; ++c) a[r][c] -= factor * a[k][c];
-        b[r] -= factor * b[k];
-      }
-    }
-    for (std::size_t k = n; k-- > 0;) {
-      for (std::size_t c = k + 1; c < n; ++c) b[k] -= a[k][c] * b[c];
-      b[k] = b[k] / a[k][k];
-      rows_[k].force = b[k];
-    }
+    const std::vector<Expression> force = solve_symmetric(a, b);
+    for (std::size_t r = 0; r < rows_.size(); ++r) rows_[r].force = force[r];
   }
 
-  /// The force that a row wants beside the others' forces, as if it could pull.
-  Expression asked(std::size_t r) const {
+  /// A place's forces, those of the others given: as it sticks where that is within the cone, else at the cone's edge,
+  /// across as when it stuck. Of one place with one tangent that is exact.
+  void confine(std::size_t place, const ContactPair& pair, const Expression& friction) {
+    std::vector<std::size_t> own;
+    for (std::size_t r = 0; r < rows_.size(); ++r)
+      if (rows_[r].place == place) own.push_back(r);
+    if (own.empty()) return;
+    std::vector<std::vector<Expression>> a;
+    std::vector<Expression> left;
+    for (const std::size_t r : own) {
+      left.push_back(beside(r, own));
+      a.emplace_back();
+      for (const std::size_t c : own) a.back().push_back(coupling_[r][c]);
+      a.back()[a.size() - 1] = a.back()[a.size() - 1] / rows_[r].impedance;
+    }
+    Row& normal = rows_[own[0]];
+    if (normal.along > 0) {  // no joint moves it along the normal: nothing pushes
+      for (const std::size_t r : own) rows_[r].force = 0.0;
+      return;
+    }
+    const Expression ease = Expression(1.0) / coupling_[own[0]][own[0]];
+    if (own.size() > 1) slip(own, solve_symmetric(a, left), left[0], ease, pair, friction);
+    Expression wish = left[0];
+    for (std::size_t k = 1; k < own.size(); ++k) wish -= coupling_[own[0]][own[k]] * rows_[own[k]].force;
+    normal.force = push_only(wish * ease, pair.smooth_N) * normal.impedance;
+  }
+
+  void slip(const std::vector<std::size_t>& own, const std::vector<Expression>& stuck, const Expression& left,
+            const Expression& ease, const ContactPair& pair, const Expression& friction) {
+    const double least_N = 0.01 * pair.smooth_N;
+    Expression square(least_N * least_N);
+    for (std::size_t k = 1; k < own.size(); ++k) square += stuck[k] * stuck[k];
+    const Expression size = sqrt(square);
+    Expression along;  // how the pull across acts on the normal
+    for (std::size_t k = 1; k < own.size(); ++k) along += coupling_[own[0]][own[k]] * stuck[k];
+    const Expression impedance = rows_[own[0]].impedance;
+    const Expression stiffer = max(Expression(1.0) + friction * impedance * ease * along / size, kLeastShare);
+    const Expression push = push_only(left * ease / stiffer, pair.smooth_N) * impedance;
+    const Expression share = share_within(size, friction * push, pair.smooth_N);
+    for (std::size_t k = 1; k < own.size(); ++k) rows_[own[k]].force = stuck[k] * share;
+  }
+
+  /// The acceleration that is wanted of a row beside what the forces of other places make.
+  Expression beside(std::size_t r, const std::vector<std::size_t>& own) const {
     Expression left = rows_[r].wanted;
     for (std::size_t c = 0; c < rows_.size(); ++c)
-      if (c != r) left -= coupling_[r][c] * rows_[c].force;
-    return left * ease_[r];
-  }
-
-  /// A place's forces between none and the cone; asked anew where `anew`.
-  void confine(std::size_t place, const ContactPair& pair, const Expression& friction, bool anew) {
-    std::vector<std::size_t> across;
-    Expression push;
-    for (std::size_t r = 0; r < rows_.size(); ++r) {
-      if (rows_[r].place != place) continue;
-      if (rows_[r].along > 0) {
-        across.push_back(r);
-        continue;
-      }
-      const Expression wish = anew ? asked(r) : rows_[r].force;
-      rows_[r].force = push_only(wish, pair.smooth_N) * (anew ? rows_[r].impedance : Expression(1.0));
-      push = rows_[r].force;
-    }
-    for (const std::size_t r : across)
-      if (anew) rows_[r].force = asked(r) * rows_[r].impedance;
-    if (across.empty()) return;
-    Expression size = rows_[across[0]].force;
-    if (across.size() > 1) {
-      const double least_N = 0.01 * pair.smooth_N;
-      size = sqrt(size * size + rows_[across[1]].force * rows_[across[1]].force + Expression(least_N * least_N));
-    }
-    const Expression share = share_within(size, friction * push, pair.smooth_N);
-    for (const std::size_t r : across) rows_[r].force = rows_[r].force * share;
+      if (std::find(own.begin(), own.end(), c) == own.end()) left -= coupling_[r][c] * rows_[c].force;
+    return left;
   }
 
   const std::vector<ContactRows<Expression>>& places_;
   std::vector<std::size_t> pair_of_;
   std::vector<Row> rows_;
   std::vector<std::vector<Expression>> coupling_;
-  std::vector<Expression> ease_;  // how much force for a unit of acceleration
 };
 
 }  // namespace
