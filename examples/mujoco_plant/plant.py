@@ -67,6 +67,7 @@ def say(sequence, stamp_us, latency_us, values):
     bus.publish(options.prefix + "MEASUREMENT", message.encode())
 
 def read():
+    if trace: print(f"{d.time:.4f}", *(f"{d.qpos[q]:.6f}" for q, _ in place.values()), sep=",", file=trace)
     exact = [d.qvel[place[name][1]] if unit.endswith("_s") else d.qpos[place[name][0]] for name, unit in wiring]
     return [float(v + options.noise * n) for v, n in zip(exact, noise.standard_normal(len(exact)))]
 
@@ -122,7 +123,7 @@ options.add_argument("--real-time", action="store_true", help="else lockstep")
 options.add_argument("--servos", action="store_true", help="the robot was imported with --servos")
 for name, value, unit in (("payload", 0.0, "KG"), ("friction", 0.0, "NM"), ("armature", 0.0, "KGM2"),
                           ("noise", 0.00025, "RAD"), ("seconds", 10.0, "S"), ("seed", 1, "N"),
-                          ("push", "", "JOINT:NM:FROM_S:TO_S,.."), ("prefix", "TILLER_", "TEXT"),
+                          ("trace", "", "FILE"), ("push", "", "JOINT:NM:FROM_S:TO_S,.."), ("prefix", "TILLER_", "TEXT"),
                           ("url", "udpm://239.255.76.67:7667?ttl=0", "URL")):
     options.add_argument("--" + name, type=type(value), default=value, metavar=unit, help=f"[{value}]")
 options = options.parse_args()
@@ -140,6 +141,8 @@ for key, value in robot["start"]["state"].items(): d.qpos[place[split(key)[0]][0
 follow(d)
 if options.servos: d.ctrl[:] = controls([(q, d.qpos[q]) for q, goal in zip(seats, is_goal) if goal])
 pushes = [(place[joint][1], *map(float, numbers)) for joint, *numbers in (p.split(":") for p in options.push.split(",") if p)]
+trace = open(options.trace, "w", 1, "utf-8") if options.trace else None  # where every joint truly is, each period
+if trace: print("time_s", *place, sep=",", file=trace)
 bus, newest = lcm.LCM(options.url), None
 bus.subscribe(options.prefix + "COMMAND", hear)
 real_time() if options.real_time else lockstep()

@@ -51,7 +51,7 @@ def accelerations(mujoco, m, q, v, force):
 
 def compiled(folder, name="machine.xml"):
     out = pathlib.Path(tempfile.mkdtemp()) / "out.json"
-    package = pathlib.Path(folder).parents[1] / "tools/python"
+    package = pathlib.Path(__file__).resolve().parents[2] / "tools/python"
     subprocess.run([sys.executable, "-m", "tiller_tools.mjcf", str(folder / name), str(out)], check=True,
                    env=dict(os.environ, PYTHONPATH=str(package), PYTHONDONTWRITEBYTECODE="1"))
     return json.loads(out.read_text(encoding="utf-8"))
