@@ -335,10 +335,13 @@ class Chooser {
 /// What the description's reader said of contacts, without those that are read.
 void tell_what_remains(const Words& words, Mechanism& mechanism) {
   const std::string head = "CONTACTS are not read: ";
-  for (std::string& what : mechanism.left_out)
+  for (std::string& what : mechanism.left_out) {
+    if (what.rfind("what carries the base: ", 0) == 0)
+      what = "what carries the base beside its contacts: thrust is not read; `tiller models` lists robots that fly";
     if (what.rfind(head, 0) == 0)
       what = "CONTACTS beside " + join(words) + " are not read: " +
              what.substr(head.size(), what.find(';') - head.size()) + "; other shapes pass through each other";
+  }
 }
 
 }  // namespace

@@ -45,11 +45,10 @@ class BodyMotions {
     }
     const Vec3<T> arm = scaled(T(-place.radius_m), d[0]), point = centre + arm;
     const Motion a = motion(place.body_a), b = motion(place.body_b);
-    const Vec3<T> v_centre = a.v + cross(a.w, centre - a.o), v_a = v_centre + cross(a.w, arm);
+    const Vec3<T> v_centre = speed_at(a, centre - a.o), v_a = v_centre + cross(a.w, arm);
     const Vec3<T> v_point = v_centre + cross(b.w, arm);
     const Vec3<T> v = v_a - (b.v + cross(b.w, point - b.o));
-    const Vec3<T> acc_a = a.a + cross(a.al, centre - a.o) + cross(a.w, cross(a.w, centre - a.o)) + cross(a.al, arm) +
-                          cross(a.w, cross(b.w, arm));
+    const Vec3<T> acc_a = drift_at(a, centre - a.o) + cross(a.al, arm) + cross(a.w, cross(b.w, arm));
     const Vec3<T> acc_b = b.a + cross(b.al, point - b.o) + cross(b.w, v_point - b.v);
     for (int k = 0; k < 3; ++k) {
       out.speed[k] = dot(d[k], v);
@@ -62,6 +61,8 @@ class BodyMotions {
         out.reach[k][j] = side > 0 ? dot(d[k], moves) : -dot(d[k], moves);
       }
     }
+    // the line of centres turns by itself
+    if (place.is_ball) out.drift[0] = centres_drift(a, b, centre, origin, d[0], apart);
     return out;
   }
 
@@ -69,6 +70,16 @@ class BodyMotions {
   struct Motion {
     Vec3<T> o{}, w{}, v{}, al{}, a{};  // origin, its speeds and, while no joint accelerates, accelerations
   };
+
+  static Vec3<T> speed_at(const Motion& m, const Vec3<T>& r) { return m.v + cross(m.w, r); }
+  static Vec3<T> drift_at(const Motion& m, const Vec3<T>& r) { return m.a + cross(m.al, r) + cross(m.w, cross(m.w, r)); }
+  static T centres_drift(const Motion& a, const Motion& b, const Vec3<T>& centre, const Vec3<T>& origin,
+                         const Vec3<T>& normal, const Vec3<T>& apart) {
+    const Vec3<T> v = speed_at(a, centre - a.o) - speed_at(b, origin - b.o);
+    const T along = dot(normal, v);
+    return dot(normal, drift_at(a, centre - a.o) - drift_at(b, origin - b.o)) +
+           (dot(v, v) - along * along) / dot(normal, apart);
+  }
 
   static Vec3<T> constant(const Vec3<double>& v) { return {T(v[0]), T(v[1]), T(v[2])}; }
   static Vec3<double> column(const Pose& pose, int k) {

@@ -23,6 +23,8 @@ constexpr double kPeriod_s = kImportPeriod_s;
 constexpr double kSpeedWeight = 1000.0;
 /// Share of the effort that nobody explains, from tick to tick.
 constexpr double kUnknownForce = 0.002;
+/// A touch that comes within a period changes speeds by as much as this, of a joint whose robot has contacts.
+constexpr double kTouch_m_s = 0.3, kTouch_rad_s = 3.0;
 constexpr double kEncoder_rad = 0.0005, kEncoder_m = 0.0001;
 /// Weights of the default task: of positions and speeds, and at a plan's end.
 constexpr double kStage[] = {10.0, 0.1}, kTerminal[] = {100.0, 10.0};
@@ -169,13 +171,16 @@ class RobotText {
     out_ += "[measurement]\n";
     for (std::size_t j = 0; j < joints(); ++j)
       out_ += names_.positions[j] + " = { sd = " + number_text(body(j).prismatic ? kEncoder_m : kEncoder_rad) + " }\n";
-    out_ +=
-        "\n[noise]\n# what the equations do not know: a force of 0.2 % of the effort in a period, as a random walk of the speeds\n"
-        "process_sd = " +
+    const bool touches = !mechanism_.contacts.empty();
+    out_ += "\n[noise]\n# what the equations do not know: " +
+            std::string(touches ? "when within a period something touches"
+                                : "a force of 0.2 % of the effort in a period, as a random walk of the speeds") +
+            "\nprocess_sd = " +
         table(names_.velocities,
               [&](std::size_t j) {
                 const double gain = mobility_[static_cast<std::size_t>(names_.bodies[j])];
-                return format("%.2g", std::max(0.01, kUnknownForce * effort(body(j)) * gain * std::sqrt(kPeriod_s)));
+                const double least = !touches ? 0.01 : body(j).prismatic ? kTouch_m_s : kTouch_rad_s;
+                return format("%.2g", std::max(least, kUnknownForce * effort(body(j)) * gain * std::sqrt(kPeriod_s)));
               }) +
         "\n\n";
     out_ += "[start]\nstate = " +
