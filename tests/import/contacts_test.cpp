@@ -184,22 +184,27 @@ TEST(Contacts, TheGripperLetsSlide) {
   EXPECT_LT(law.force, 0.3);
 }
 
-/// The box alone, by the midpoint rule: what it does to the table until it rests.
+/// A step of the midpoint rule; what the places feel in its middle.
+Answer step(std::vector<double>& x, const std::vector<double>& u, double step_s) {
+  const Answer begin = answer<Hand>(x, u);
+  std::vector<double> middle = x;
+  for (std::size_t i = 0; i < x.size(); ++i) middle[i] += 0.5 * step_s * begin.rates[i];
+  const Answer half = answer<Hand>(middle, u);
+  for (std::size_t i = 0; i < x.size(); ++i) x[i] += step_s * half.rates[i];
+  return half;
+}
+constexpr double kPalm_N = 9.81 * (0.5 + 2.0 * 0.065);  // the palm stays
+
+/// The box alone: what it does to the table until it rests.
 struct Drop {
   double peak_N = 0.0, rebound_m_s = 0.0, rest_N = 0.0, rest_m = 0.0;
 };
 Drop drop(double step_s) {
-  constexpr double kHigh_m = 0.05, kPalm_N = 9.81 * (0.5 + 2.0 * 0.065);
-  std::vector<double> x{0.0, 0.0, 0.0, kHigh_m, 0.0, 0.0, 0.0, 0.0};
-  const std::vector<double> palm_stays{kPalm_N, 0.0};
+  std::vector<double> x{0.0, 0.0, 0.0, 0.05, 0.0, 0.0, 0.0, 0.0};
   Drop out;
   bool has_landed = false;
   for (int k = 0; k * step_s < 0.5; ++k) {
-    const Answer begin = answer<Hand>(x, palm_stays);
-    std::vector<double> middle = x;
-    for (std::size_t i = 0; i < x.size(); ++i) middle[i] += 0.5 * step_s * begin.rates[i];
-    const Answer half = answer<Hand>(middle, palm_stays);
-    for (std::size_t i = 0; i < x.size(); ++i) x[i] += step_s * half.rates[i];
+    const Answer half = step(x, {kPalm_N, 0.0}, step_s);
     has_landed = has_landed || half.force[2][0] > 1.0;
     out.peak_N = std::max(out.peak_N, half.force[2][0]);
     if (has_landed) out.rebound_m_s = std::max(out.rebound_m_s, x[7]);
@@ -207,6 +212,16 @@ Drop drop(double step_s) {
   }
   out.rest_m = x[3];
   return out;
+}
+// What the guide says of steps: the box, struck aside between closed fingers on the table, rests at all up to settle_s.
+TEST(Contacts, StepsUpToTheSettlingTimeComeToRest) {
+  const auto unrest = [](double step_s) {
+    std::vector<double> x{0.0, 0.021, 0.0003, 0.0, 0.0, 0.0, 0.05, 0.0};
+    for (int k = 0; k < 400; ++k) (void)step(x, {kPalm_N, 5.0}, step_s);
+    return *std::max_element(x.begin() + 4, x.end(), [](double a, double b) { return std::fabs(a) < std::fabs(b); });
+  };
+  for (const double step_s : {0.002, 0.005, 0.0095}) EXPECT_LT(std::fabs(unrest(step_s)), 1e-4) << step_s;
+  for (const double step_s : {0.0105, 0.012}) EXPECT_GT(std::fabs(unrest(step_s)), 1e-3) << step_s;
 }
 TEST(Contacts, ADropEndsAsMuJoCosDoes) {
   const Json theirs = json_of("gripper_drop");
