@@ -1,9 +1,9 @@
-"""contact_tasks_test.py TILLER TYPES SOURCE [hop|grasp|slide]...: the leg rig hops, the gripper takes its box and the leg
-rubs along the ground in MuJoCo, over LCM in lockstep, while tiller plans with the models that it has imported: ten seeds
-each, all reported.
+"""contact_tasks_test.py TILLER TYPES SOURCE [hop|grasp|slide]...: the leg rig hops, the gripper takes its box and the
+leg rubs along the ground in MuJoCo, over LCM in lockstep, while tiller plans with the models that it has imported: ten
+seeds each, all reported.
 
-Each seed is another machine: friction within 20 %, masses within 15 % (not where friction is learnt), the box up to 2 mm
-aside, noise of its own. The controller knows the files' values. Passed are
+Each seed is another machine: friction within 20 %, masses within 15 % (not where friction is learnt), the box up to
+2 mm aside, noise of its own. The controller knows the files' values. Passed are
   hop    6 hops of the 8 that the goals ask for (the foot 3 cm above the ground, then on it again), and the trunk never
          15 cm below its start
   grasp  the box in the air, within 2 cm of 15 cm, for the whole last second
@@ -44,12 +44,12 @@ def another(mujoco, path, seed, masses, out):
 def run(tiller, types, source, robot, machine, goals, seconds, seed, out):
     trace = out / f"{robot.stem}_{seed}.csv"
     plant = subprocess.Popen(
-        [sys.executable, str(source / "examples/mujoco_plant/plant.py"), str(machine), str(robot), "--seconds", str(seconds),
-         "--seed", str(seed), "--trace", str(trace)],
+        [sys.executable, str(source / "examples/mujoco_plant/plant.py"), str(machine), str(robot), "--seconds",
+         str(seconds), "--seed", str(seed), "--trace", str(trace)],
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=dict(os.environ, PYTHONPATH=types))
     done = subprocess.run(
-        [tiller, "run", str(robot), "--transport", "lcm", "--arm", "--lockstep", "--patience", "60", "--seconds", str(seconds),
-         "--quiet", "--goals", str(goals)], capture_output=True, text=True, check=False)
+        [tiller, "run", str(robot), "--transport", "lcm", "--arm", "--lockstep", "--patience", "60", "--seconds",
+         str(seconds), "--quiet", "--goals", str(goals)], capture_output=True, text=True, check=False)
     if done.returncode != 0: plant.terminate()
     said = plant.communicate()[0]
     if done.returncode != 0 or plant.returncode != 0:
@@ -94,7 +94,8 @@ def try_task(mujoco, tiller, types, source, name, out):
     passed = 0
     for seed in SEEDS:
         friction = another(mujoco, example / f"{stem}.xml", seed, 0.0 if name == "slide" else 0.15, out / "machine.xml")
-        rows, said = run(tiller, types, source, robot, out / "machine.xml", example / f"{name}_goals.csv", seconds, seed, out)
+        goals = example / f"{name}_goals.csv"
+        rows, said = run(tiller, types, source, robot, out / "machine.xml", goals, seconds, seed, out)
         good, says = globals()[name](rows, said, friction)
         passed += good
         print(f"{name} seed {seed}, friction x {friction:.2f}: {'passed' if good else 'FAILED'}; {says}", flush=True)

@@ -1,5 +1,5 @@
-// Contacts of imported robots: accelerations and forces beside MuJoCo's, which are stored (contacts_test.py --write), and
-// beside the same law solved to its end from MuJoCo's own matrices; what a drop and a rest come to; what is refused.
+// Contacts of imported robots: accelerations and forces beside MuJoCo's, which are stored (contacts_test.py --write),
+// and beside the same law solved to its end from MuJoCo's own matrices; what a drop and a rest come to; what is refused.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -116,15 +116,16 @@ void compare(const char* what, const std::string& name, const std::function<bool
     const auto take = [&](Worst& worst, const char* rates, const char* forces) {
       ++worst.rows;
       worst.acceleration = std::max(worst.acceleration, share_of(a.rates, row[rates].get<std::vector<double>>(),
-                                                             row["a_free"].get<std::vector<double>>()));
-      worst.force = std::max(
-          worst.force, force_share(a, row[forces].get<std::vector<std::array<double, 3>>>(), normals));
+                                                                 row["a_free"].get<std::vector<double>>()));
+      worst.force =
+          std::max(worst.force, force_share(a, row[forces].get<std::vector<std::array<double, 3>>>(), normals));
     };
     take(law, "a_law", "force_law");
     take(mujoco, "a", "force");
   }
-  std::printf("%s: %d states; the law solved to its end: accelerations within %.2g, forces within %.2g; MuJoCo: %.2g, %.2g\n",
-              what, law.rows, law.acceleration, law.force, mujoco.acceleration, mujoco.force);
+  std::printf(
+      "%s: %d states; the law solved to its end: accelerations within %.2g, forces within %.2g; MuJoCo: %.2g, %.2g\n",
+      what, law.rows, law.acceleration, law.force, mujoco.acceleration, mujoco.force);
 }
 
 bool at_the_edge(const std::vector<std::array<double, 3>>& all, const std::vector<std::size_t>& normals) {
@@ -148,26 +149,28 @@ const std::vector<std::size_t> kLegNormals{2}, kHandNormals{1, 1, 2};
 // once, and leaves out what turning joints add to a place's acceleration.
 TEST(Contacts, TheLegStandsAsMuJoCosDoes) {
   Worst law, mujoco;
-  compare<Leg>("leg stands", "leg", [](const Json& row) { return !slips(row, kLegNormals); }, kLegNormals, law, mujoco);
+  compare<Leg>(
+      "leg stands", "leg", [](const Json& row) { return !slips(row, kLegNormals); }, kLegNormals, law, mujoco);
   EXPECT_GT(law.rows, 50);
   EXPECT_LT(law.acceleration, 0.002);
   EXPECT_LT(law.force, 0.002);
   EXPECT_LT(mujoco.force, 0.05);
   EXPECT_LT(mujoco.acceleration, 0.1);
 }
-// A sliding place of MuJoCo is pushed off the ground: its cone of friction is convex, and the force in it is the one that
-// takes most from the motion. Coulomb's law, which the model has, does not do that.
+// A sliding place of MuJoCo is pushed off the ground: its cone of friction is convex, and the force in it is the one
+// that takes most from the motion. Coulomb's law, which the model has, does not do that.
 TEST(Contacts, TheLegSlidesByCoulombsLaw) {
   Worst law, mujoco;
-  compare<Leg>("leg slides", "leg", [](const Json& row) { return slips(row, kLegNormals); }, kLegNormals, law, mujoco);
+  compare<Leg>(
+      "leg slides", "leg", [](const Json& row) { return slips(row, kLegNormals); }, kLegNormals, law, mujoco);
   EXPECT_GT(law.rows, 5);
   EXPECT_LT(law.acceleration, 0.005);
   EXPECT_LT(law.force, 0.005);
 }
 TEST(Contacts, TheGripperHoldsAsMuJoCosDoes) {
   Worst law, mujoco;
-  compare<Hand>("gripper holds", "gripper", [](const Json& row) { return !slips(row, kHandNormals); }, kHandNormals, law,
-                mujoco);
+  compare<Hand>(
+      "gripper holds", "gripper", [](const Json& row) { return !slips(row, kHandNormals); }, kHandNormals, law, mujoco);
   EXPECT_GT(law.rows, 50);
   EXPECT_LT(law.acceleration, 0.02);
   EXPECT_LT(law.force, 0.02);
@@ -177,8 +180,8 @@ TEST(Contacts, TheGripperHoldsAsMuJoCosDoes) {
 // Three rounds through the places leave a difference where one slides while another sticks.
 TEST(Contacts, TheGripperLetsSlide) {
   Worst law, mujoco;
-  compare<Hand>("gripper slides", "gripper", [](const Json& row) { return slips(row, kHandNormals); }, kHandNormals, law,
-                mujoco);
+  compare<Hand>(
+      "gripper slides", "gripper", [](const Json& row) { return slips(row, kHandNormals); }, kHandNormals, law, mujoco);
   EXPECT_GT(law.rows, 5);
   EXPECT_LT(law.acceleration, 0.3);
   EXPECT_LT(law.force, 0.3);
@@ -307,7 +310,10 @@ TEST(Contacts, PairsTakeMuJoCosLaw) {
   const TouchLaw direct = choose(leg, {"foot:plane"}).mechanism.contacts[0].law;
   EXPECT_DOUBLE_EQ(direct.settle_s, 0.02);
   EXPECT_DOUBLE_EQ(direct.damping_ratio, 0.5);
-  leg["pairs"].push_back({{"geoms", {"floor", "foot"}}, {"friction", 0.1}, {"condim", 3}, {"solref", {0.03, 1}},
+  leg["pairs"].push_back({{"geoms", {"floor", "foot"}},
+                          {"friction", 0.1},
+                          {"condim", 3},
+                          {"solref", {0.03, 1}},
                           {"solimp", {0.9, 0.9, 0.001, 0.5, 2}}});
   EXPECT_EQ(choose(leg, {"foot:plane"}).mechanism.contacts[0].law.friction, 0.1) << "as the file has the pair";
   // without a plane in the file the ground is z = 0
@@ -340,8 +346,8 @@ TEST(Contacts, ShapesBecomePlaces) {
 }
 
 /// Gaps, speeds and drifts of all places at a state, from positions and speeds of the joints.
-std::vector<ContactRows<double>> rows_at(const Mechanism& mechanism, std::vector<double> q, const std::vector<double>& v,
-                                         double later_s) {
+std::vector<ContactRows<double>> rows_at(const Mechanism& mechanism, std::vector<double> q,
+                                         const std::vector<double>& v, double later_s) {
   for (std::size_t i = 0; i < q.size(); ++i) q[i] += later_s * v[i];
   ArticulatedBody<double> tree(mechanism, {});
   tree.place(q);

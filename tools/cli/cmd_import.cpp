@@ -500,9 +500,10 @@ void add_import_command(CLI::App& app, int& exit_code) {
                    "of a function: its parameters; * for every one; several by commas")
       ->delimiter(',');
   command
-      ->add_option("--contact", o->contact,
-                   "of an MJCF: GEOM:plane or GEOM:GEOM2, a pair that pushes at each other: a sphere, a capsule's ends\n"
-                   "or a box's corners on a plane, a box or a sphere; several by commas. Others pass through each other")
+      ->add_option(
+          "--contact", o->contact,
+          "of an MJCF: GEOM:plane or GEOM:GEOM2, a pair that pushes at each other: a sphere, a capsule's ends\n"
+          "or a box's corners on a plane, a box or a sphere; several by commas. Others pass through each other")
       ->delimiter(',');
   command
       ->add_option(

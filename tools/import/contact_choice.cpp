@@ -22,7 +22,7 @@ const char* const kGround = "plane";
 struct Placed {
   const ShapeText* shape = nullptr;
   int body = -1;
-  Pose pose;   // in the body's frame
+  Pose pose;    // in the body's frame
   Pose stands;  // in the base's axes, where the robot starts
 };
 
@@ -63,8 +63,7 @@ Face face_along(const Placed& box, const Vec3<double>& direction) {
   const Vec3<double> d = inverse(box.stands).rotation * direction;
   Face best;
   for (std::size_t k = 0; k < 3; ++k)
-    if (std::fabs(d[k]) > std::fabs(d[static_cast<std::size_t>(best.axis)]) + 1e-9)
-      best.axis = static_cast<int>(k);
+    if (std::fabs(d[k]) > std::fabs(d[static_cast<std::size_t>(best.axis)]) + 1e-9) best.axis = static_cast<int>(k);
   best.sign = d[static_cast<std::size_t>(best.axis)] < 0.0 ? -1.0 : 1.0;
   return best;
 }
@@ -202,8 +201,9 @@ class Chooser {
     if (pair.law.friction <= 0.0 && condim > 1)
       fail(word, "neither geom has friction; give one a friction, or condim=\"1\" where it is to slide freely");
     else if (!(pair.law.settle_s > 0.0) || !(pair.law.damping_ratio > 0.0) || !std::isfinite(pair.law.settle_s))
-      fail(word, "solref has no damping or no stiffness, so that a contact rings for ever; write "
-                 "solref=\"0.02 1\", or both numbers of -stiffness -damping below 0");
+      fail(word,
+           "solref has no damping or no stiffness, so that a contact rings for ever; write "
+           "solref=\"0.02 1\", or both numbers of -stiffness -damping below 0");
     else
       return true;
     return false;
@@ -339,8 +339,9 @@ void tell_what_remains(const Words& words, Mechanism& mechanism) {
     if (what.rfind("what carries the base: ", 0) == 0)
       what = "what carries the base beside its contacts: thrust is not read; `tiller models` lists robots that fly";
     if (what.rfind(head, 0) == 0)
-      what = "CONTACTS beside " + join(words) + " are not read: " +
-             what.substr(head.size(), what.find(';') - head.size()) + "; other shapes pass through each other";
+      what = "CONTACTS beside " + join(words) +
+             " are not read: " + what.substr(head.size(), what.find(';') - head.size()) +
+             "; other shapes pass through each other";
   }
 }
 

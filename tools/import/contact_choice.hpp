@@ -12,8 +12,8 @@ namespace tiller::tools {
 bool choose_contacts(const Description& robot, const std::vector<std::string>& words, Mechanism& mechanism,
                      std::vector<std::string>& errors);
 
-/// Integrator steps that a period takes for the contacts' sake: none is longer than 1 / rate of the fastest contact, half
-/// of what keeps the midpoint rule stable. 0: more than a robot file may have.
+/// Integrator steps that a period takes for the contacts' sake: none is longer than 1 / rate of the fastest contact,
+/// half of what keeps the midpoint rule stable. 0: more than a robot file may have.
 unsigned contact_substeps(const Mechanism& mechanism, double period_s);
 
 }  // namespace tiller::tools

@@ -5,11 +5,11 @@
 namespace tiller::tools {
 namespace {
 
-constexpr double kReach_m = 0.001;    // from here on a place begins to push
-constexpr double kDeepest_m = 0.02;   // what is deeper in is not thrown out faster
-constexpr double kOpen = 1e-6;        // impedance of what does not touch
-constexpr int kSweeps = 3;            // of several places
-constexpr double kLeastShare = 0.1;   // of a place's own yielding that a pull across may leave (Painleve's case)
+constexpr double kReach_m = 0.001;   // from here on a place begins to push
+constexpr double kDeepest_m = 0.02;  // what is deeper in is not thrown out faster
+constexpr double kOpen = 1e-6;       // impedance of what does not touch
+constexpr int kSweeps = 3;           // of several places
+constexpr double kLeastShare = 0.1;  // of a place's own yielding that a pull across may leave (Painleve's case)
 
 /// One direction of one place that joints can move.
 struct Row {
@@ -102,8 +102,7 @@ class Solver {
     Expression whole = top * fades(place.gap, kReach_m);
     if (place.has_edge) whole = whole * fades(place.past_edge, kReach_m);
     const Expression normal = max(whole, kOpen);
-    const Expression across =
-        normal / (normal + (Expression(1.0) - normal) * Expression(1.0 / pair.grip_ratio));
+    const Expression across = normal / (normal + (Expression(1.0) - normal) * Expression(1.0 / pair.grip_ratio));
     const Expression rate = Expression(2.0 / pair.law.impedance) / time;
     const Expression swing = time * terms.damping_ratio;
     const Expression pull = max(place.gap, -kDeepest_m) * Expression(1.0 / pair.law.impedance) / (swing * swing);

@@ -13,9 +13,9 @@ namespace tiller::tools {
 ///
 ///   -rate v - stiffness gap,   rate = 2 / (impedance settle), stiffness = 1 / (impedance settle^2 damping_ratio^2),
 ///
-/// but for the share 1 - impedance, never a pull, and across within the cone of friction. All places are solved together
-/// as if they stuck, then each in turn a fixed number of times, which lets them slip and part. Below kReach_m of
-/// distance the share of the impedance rises from none, so that the force has a slope everywhere.
+/// but for the share 1 - impedance, never a pull, and across within the cone of friction. All places are solved
+/// together as if they stuck, then each in turn a fixed number of times, which lets them slip and part. Within the last
+/// millimetre before a touch the impedance rises from none, so that the force has a slope everywhere.
 
 /// Of a pair, by numbers or by parameters of the model.
 struct ContactTerms {
@@ -32,7 +32,6 @@ struct ContactAnswer {
 /// pairs' places in their order, with `reach` over the joints.
 ContactAnswer answer_contacts(const std::vector<ContactPair>& pairs, const std::vector<ContactTerms>& terms,
                               const std::vector<ContactRows<Expression>>& rows,
-                              const std::vector<std::vector<Expression>>& inverse,
-                              const std::vector<Expression>& free);
+                              const std::vector<std::vector<Expression>>& inverse, const std::vector<Expression>& free);
 
 }  // namespace tiller::tools

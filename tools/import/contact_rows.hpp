@@ -13,10 +13,10 @@ struct ContactRows {
   T gap{};
   T past_edge{};  ///< how far beyond the face's nearest edge; -1 where there is none
   bool has_edge = false;
-  Vec3<T> direction[3];                ///< normal, then tangents, in the base's axes
-  std::vector<T> reach[3];             ///< (bodies) speed along each direction for a unit speed of a joint
-  T speed[3]{};                        ///< of a against b
-  T drift[3]{};                        ///< their acceleration when no joint accelerates
+  Vec3<T> direction[3];     ///< normal, then tangents, in the base's axes
+  std::vector<T> reach[3];  ///< (bodies) speed along each direction for a unit speed of a joint
+  T speed[3]{};             ///< of a against b
+  T drift[3]{};             ///< their acceleration when no joint accelerates
 };
 
 /// Bodies' motions in the base's axes.
@@ -72,7 +72,9 @@ class BodyMotions {
   };
 
   static Vec3<T> speed_at(const Motion& m, const Vec3<T>& r) { return m.v + cross(m.w, r); }
-  static Vec3<T> drift_at(const Motion& m, const Vec3<T>& r) { return m.a + cross(m.al, r) + cross(m.w, cross(m.w, r)); }
+  static Vec3<T> drift_at(const Motion& m, const Vec3<T>& r) {
+    return m.a + cross(m.al, r) + cross(m.w, cross(m.w, r));
+  }
   static T centres_drift(const Motion& a, const Motion& b, const Vec3<T>& centre, const Vec3<T>& origin,
                          const Vec3<T>& normal, const Vec3<T>& apart) {
     const Vec3<T> v = speed_at(a, centre - a.o) - speed_at(b, origin - b.o);

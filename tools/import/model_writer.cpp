@@ -531,10 +531,8 @@ std::string dynamics_text(const Source& s, int& operations) {
   return "  // one text for all who call it: these equations are long, and a call costs nothing beside them\n"
          "  __attribute__((noinline)) static State dynamics(const State& x, [[maybe_unused]] const Input& u, const Force& f,\n"
          "                        [[maybe_unused]] const tiller::Body<S>& body" +
-         std::string(s.has_params() ? ", const Params& p" : "") +
-         ") {\n" +
-         using_text(dynamics.graph, accelerations) + code + "    return {" + listed(derivatives, "            ") +
-         "};\n  }\n\n";
+         std::string(s.has_params() ? ", const Params& p" : "") + ") {\n" + using_text(dynamics.graph, accelerations) +
+         code + "    return {" + listed(derivatives, "            ") + "};\n  }\n\n";
 }
 
 /// For tests, plots and whoever wants to know: no other function calls it.
@@ -549,12 +547,13 @@ std::string contact_forces_text(const Source& s) {
     for (std::size_t k = 0; k < pair.points.size(); ++k)
       places.push_back("\"" + pair.spelled + (pair.points.size() > 1 ? "/" + std::to_string(k + 1) : "") + "\"");
   const std::string count = std::to_string(places.size());
-  std::string text = "  static constexpr const char* contacts[] = {" + join(places) +
-                     "};\n  /// Forces on the first of each pair, along the normal and two tangents, and how far apart the two are.\n"
-                     "  static void contact_forces(const State& x, [[maybe_unused]] const Input& u, const Force& f,\n"
-                     "                             [[maybe_unused]] const tiller::Body<S>& body, const Params& p, S (*force)[3],\n"
-                     "                             S* gap) {\n" +
-                     using_text(equations.graph, told) + code;
+  std::string text =
+      "  static constexpr const char* contacts[] = {" + join(places) +
+      "};\n  /// Forces on the first of each pair, along the normal and two tangents, and how far apart the two are.\n"
+      "  static void contact_forces(const State& x, [[maybe_unused]] const Input& u, const Force& f,\n"
+      "                             [[maybe_unused]] const tiller::Body<S>& body, const Params& p, S (*force)[3],\n"
+      "                             S* gap) {\n" +
+      using_text(equations.graph, told) + code;
   for (std::size_t i = 0; i < places.size(); ++i) {
     const std::string at = "[" + std::to_string(i) + "]";
     for (std::size_t k = 0; k < 3; ++k)
@@ -674,9 +673,8 @@ WrittenModel write_model(const Mechanism& mechanism, const Unknowns& unknowns, i
   const std::string dynamics = dynamics_text(source, out.operations);
   out.text = fields_and_joints(source, out.operations) + dynamics + contact_forces_text(source) +
              responses_text(source, out.response_operations);
-  const bool has_slopes =
-      mechanism.contacts.empty() &&
-      std::none_of(mechanism.bodies.begin(), mechanism.bodies.end(), [](const MovingBody& b) { return b.mimics >= 0; });
+  const bool has_slopes = mechanism.contacts.empty() && std::none_of(mechanism.bodies.begin(), mechanism.bodies.end(),
+                                                                     [](const MovingBody& b) { return b.mimics >= 0; });
   if (has_slopes) {
     const std::string code = slopes_text(mechanism, unknowns, out.names, payload_frame, out.slope_operations);
     out.text += slopes_function_text(source, out, code);

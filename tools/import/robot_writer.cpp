@@ -172,10 +172,11 @@ class RobotText {
     for (std::size_t j = 0; j < joints(); ++j)
       out_ += names_.positions[j] + " = { sd = " + number_text(body(j).prismatic ? kEncoder_m : kEncoder_rad) + " }\n";
     const bool touches = !mechanism_.contacts.empty();
-    out_ += "\n[noise]\n# what the equations do not know: " +
-            std::string(touches ? "when within a period something touches"
-                                : "a force of 0.2 % of the effort in a period, as a random walk of the speeds") +
-            "\nprocess_sd = " +
+    out_ +=
+        "\n[noise]\n# what the equations do not know: " +
+        std::string(touches ? "when within a period something touches"
+                            : "a force of 0.2 % of the effort in a period, as a random walk of the speeds") +
+        "\nprocess_sd = " +
         table(names_.velocities,
               [&](std::size_t j) {
                 const double gain = mobility_[static_cast<std::size_t>(names_.bodies[j])];

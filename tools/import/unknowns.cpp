@@ -69,15 +69,18 @@ class Reader {
     if (kind == "payload") return take_payload(word, equals);
     static const Words kinds{"payload", "mass", "inertia", "friction", "gain", "contact"};
     if (std::find(kinds.begin(), kinds.end(), kind) == kinds.end())
-      return fail(word,
-                  "is none of payload[=KG], mass:LINK, inertia:LINK, friction:JOINT, gain:JOINT, contact:GEOM" + meant(kind, kinds));
+      return fail(word, "is none of payload[=KG], mass:LINK, inertia:LINK, friction:JOINT, gain:JOINT, contact:GEOM" +
+                            meant(kind, kinds));
     const bool of_link = kind == "mass" || kind == "inertia";
     const bool of_pair = kind == "contact";
     const Words& known = of_pair ? pairs_ : of_link ? links_ : joints_;
     if (of_pair && pairs_.empty()) return fail(word, "there are no contacts; name them with --contact GEOM:plane");
     if (about.empty())
-      return fail(word, "names no " + std::string(of_pair ? "contact" : of_link ? "link" : "joint") + "; write " + kind +
-                            ":NAME or " + kind + ":*");
+      return fail(word, "names no " +
+                            std::string(of_pair   ? "contact"
+                                        : of_link ? "link"
+                                                  : "joint") +
+                            "; write " + kind + ":NAME or " + kind + ":*");
     if (of_pair && about != "*" && std::find(known.begin(), known.end(), about) == known.end())
       return fail(word, "no contact of --contact is called '" + about + "'" + meant(about, known));
     if (about != "*" && std::find(known.begin(), known.end(), about) == known.end())
