@@ -383,8 +383,8 @@ bool can_be_stepped(const Mechanism& mechanism, std::vector<std::string>& errors
     if (Mechanism one = {}; one.contacts.push_back(pair), contact_substeps(one, kImportPeriod_s) == 0)
       errors.push_back("--contact " + pair.spelled + ": " + mechanism.path + " lets it settle in " +
                        number_text(pair.law.settle_s) + " s (damping ratio " + number_text(pair.law.damping_ratio) +
-                       "), which takes steps shorter than a period of " + number_text(kImportPeriod_s) +
-                       " s has (64); write a softer solref, for example solref=\"0.005 1\"");
+                       "), which takes more than the 64 steps that a period of " + number_text(kImportPeriod_s) +
+                       " s may have; write a softer solref, for example solref=\"0.005 1\"");
   return false;
 }
 
