@@ -47,10 +47,14 @@ def run(tiller, types, source, robot, machine, goals, seconds, seed, out):
         [sys.executable, str(source / "examples/mujoco_plant/plant.py"), str(machine), str(robot), "--seconds",
          str(seconds), "--seed", str(seed), "--trace", str(trace)],
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=dict(os.environ, PYTHONPATH=types))
-    done = subprocess.run(
-        [tiller, "run", str(robot), "--transport", "lcm", "--arm", "--lockstep", "--patience", "60", "--seconds",
-         str(seconds), "--quiet", "--goals", str(goals)], capture_output=True, text=True, check=False)
-    if done.returncode != 0: plant.terminate()
+    done = None
+    try:
+        done = subprocess.run(
+            [tiller, "run", str(robot), "--transport", "lcm", "--arm", "--lockstep", "--patience", "60", "--seconds",
+             str(seconds), "--quiet", "--goals", str(goals), "--alarm-log", str(out / "alarm.csv")],
+            capture_output=True, text=True, check=False)
+    finally:  # it would ask for ever
+        if done is None or done.returncode != 0: plant.terminate()
     said = plant.communicate()[0]
     if done.returncode != 0 or plant.returncode != 0:
         raise SystemExit(f"seed {seed}: {done.stdout}{done.stderr}{said}")
