@@ -333,9 +333,9 @@ bool make_plant(const Options& o, const MechanismOptions& options, const Mechani
 
 int write_files(const Options& o, const MechanismOptions& options, const Description& description,
                 const Mechanism& mechanism, const Unknowns& unknowns, const std::vector<int>& frames,
-                const Spheres& spheres, const SphereOutputs& distances) {
+                const Spheres& spheres, const SphereOutputs& distances, const ModelSensors& sensors) {
   const int frame = frames.empty() ? -1 : frames.front();
-  const WrittenModel model = write_model(mechanism, unknowns, frame, frames, distances);
+  const WrittenModel model = write_model(mechanism, unknowns, frame, frames, distances, sensors.motions);
   const std::string stem = identifier(mechanism.name), header = stem + ".hpp";
   const std::string robot_path = o.folder + "/robot.toml", model_path = o.folder + "/" + header;
   const std::string frame_name = frame >= 0 ? mechanism.frames[static_cast<std::size_t>(frame)].name : "";
@@ -351,7 +351,7 @@ int write_files(const Options& o, const MechanismOptions& options, const Descrip
   const std::string figure = write_figure(description, options, mechanism, model.names, frames);
   if (!o.model_only && !replace_file(robot_path,
                                      write_robot(mechanism, unknowns, model.names, header, frame_name, plant,
-                                                 {o.margin_rad, spheres, figure}),
+                                                 {o.margin_rad, spheres, sensors, figure}),
                                      error))
     return complain(error);
   for (const std::string& note : notes) std::printf("note: %s\n", note.c_str());
@@ -456,8 +456,12 @@ int import_command(Options& o) {
   if (!read_spheres(o, spheres, errors) || !place_spheres(spheres, mechanism, distances, errors) ||
       !outputs_fit(spheres, distances, frames.size(), errors))
     return complain_all(errors);
-  judge_unknowns(o, frames.empty() ? -1 : frames.front(), mechanism, unknowns);
-  return write_files(o, options, description, mechanism, unknowns, frames, spheres, distances);
+  const int payload = frames.empty() ? -1 : frames.front();
+  const ModelSensors sensors =
+      place_sensors(description, name_model(mechanism), TILLER_MAX_OUTPUTS - 12 * frames.size() - distances.outputs.size(),
+                    mechanism, frames);
+  judge_unknowns(o, payload, mechanism, unknowns);
+  return write_files(o, options, description, mechanism, unknowns, frames, spheres, distances, sensors);
 }
 
 constexpr char kImportFooter[] =

@@ -103,6 +103,15 @@ struct TieText {
   std::string name, kind, link_a, link_b;
 };
 
+/// A sensor as the file has it, of a joint or of a point of a link.
+struct SensorText {
+  std::string name, kind;  ///< MuJoCo's word: "gyro"
+  std::string joint;       ///< of jointpos and jointvel; else empty
+  FrameText at;            ///< the site or the link that carries it
+  bool on_link = false;    ///< `at` is a link
+  double sd = 0.0;         ///< of its noise; 0: nobody says
+};
+
 struct Description {
   std::string path, name;
   std::vector<LinkText> links;
@@ -113,6 +122,7 @@ struct Description {
   std::vector<PairText> pairs;
   bool has_shapes = false;  ///< the format has them, and an import that wrote them
   double grip_ratio = 1.0;  ///< MuJoCo's impratio: how much stiffer friction is than the push
+  std::vector<SensorText> sensors;
   std::string free_joint;   ///< what carries the whole robot through space, where the file has such a joint: fixed here
   Vec3<double> gravity_m_s2{0.0, 0.0, -9.81};
   std::string compiled;               ///< of an MJCF: what MuJoCo says of it, as JSON, which can be read in its place

@@ -13,6 +13,7 @@
 #include "tools/base/text.hpp"
 #include "tools/description/description.hpp"
 #include "tools/description/mjcf_drives.hpp"
+#include "tools/description/mjcf_sensors.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -48,6 +49,7 @@ class CompiledReader {
     for (const Json& site : json_.at("sites"))
       if (const std::size_t b = site.at("body").get<std::size_t>(); !left_out(b))
         robot_.frames.push_back({text(site, "name"), body_name(b), pose_of(site.at("quat"), site.at("pos"))});
+    read_sensors(json_, robot_);
     read_home();
     read_shapes();
     note_the_rest();

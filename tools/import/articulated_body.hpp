@@ -171,21 +171,15 @@ class ArticulatedBody {
                             const Vec3<T>& base_acceleration) {
     using namespace articulated;
     force_ = force;
-    std::vector<Spatial<T>> velocity(n_), bias(n_), load(n_);
+    const std::vector<Spatial<T>> velocity = velocities(speed);
+    std::vector<Spatial<T>> bias(n_), load(n_);
     for (std::size_t i = 0; i < n_; ++i) {
       const MovingBody& body = mechanism_.bodies[i];
-      Spatial<T> v = body.parent < 0 ? Spatial<T>{} : velocity[static_cast<std::size_t>(body.parent)];
-      for (const Step<T>& step : steps_[i]) v = motion_down(step, v);
+      const Spatial<T>& v = velocity[i];
       // v x S qd, with v before or after the joint's own speed: their cross product is the same
-      if (body.prismatic) {
-        bias[i].linear = {v.angular[1] * speed[i], -(v.angular[0] * speed[i]), T(0.0)};
-        v.linear[2] = v.linear[2] + speed[i];
-      } else {
-        bias[i].angular = {v.angular[1] * speed[i], -(v.angular[0] * speed[i]), T(0.0)};
-        bias[i].linear = {v.linear[1] * speed[i], -(v.linear[0] * speed[i]), T(0.0)};
-        v.angular[2] = v.angular[2] + speed[i];
-      }
-      velocity[i] = v;
+      if (!body.prismatic) bias[i].angular = {v.angular[1] * speed[i], -(v.angular[0] * speed[i]), T(0.0)};
+      const Vec3<T>& across = body.prismatic ? v.angular : v.linear;
+      bias[i].linear = {across[1] * speed[i], -(across[0] * speed[i]), T(0.0)};
       load[i] = gyroscopic(inertia_[i], v);
     }
     std::vector<T> left(n_);
@@ -260,6 +254,21 @@ class ArticulatedBody {
       for (std::size_t s = steps.size(); s-- > 0;) d = turned(steps[s].turn, d);
     }
     return d;
+  }
+
+  /// How the bodies move: about their origins and along, in their own axes.
+  std::vector<articulated::Spatial<T>> velocities(const std::vector<T>& speed) const {
+    using namespace articulated;
+    std::vector<Spatial<T>> velocity(n_);
+    for (std::size_t i = 0; i < n_; ++i) {
+      const MovingBody& body = mechanism_.bodies[i];
+      Spatial<T> v = body.parent < 0 ? Spatial<T>{} : velocity[static_cast<std::size_t>(body.parent)];
+      for (const Step<T>& step : steps_[i]) v = motion_down(step, v);
+      T& along = body.prismatic ? v.linear[2] : v.angular[2];
+      along = along + speed[i];
+      velocity[i] = v;
+    }
+    return velocity;
   }
 
   using StepList = std::vector<articulated::Step<T>>;

@@ -140,6 +140,31 @@ class Equations {
     return out;
   }
 
+  /// Turning and moving of points, of which three values each.
+  std::vector<Expression> motions(const std::vector<MotionOutput>& points) {
+    ArticulatedBody<Expression> tree(mechanism_, {});
+    tree.place(positions());
+    const auto velocity = tree.velocities(speeds());
+    std::vector<Expression> out;
+    for (const MotionOutput& point : points) {
+      const articulated::Spatial<Expression>& v = velocity[at(point.body)];
+      const Vec3<double>& p = point.pose.position;
+      const Mat3<double>& r = point.pose.rotation;
+      const Vec3<Expression> along =
+          point.kind == MotionOutput::Kind::moving
+              ? v.linear + cross(v.angular, Vec3<Expression>{Expression(p[0]), Expression(p[1]), Expression(p[2])})
+              : v.angular;
+      const Vec3<Expression> in_base = point.kind == MotionOutput::Kind::turning_in_base
+                                           ? tree.direction(point.body, along)
+                                           : Vec3<Expression>{};
+      for (int k = 0; k < 3; ++k)
+        out.push_back(point.kind == MotionOutput::Kind::turning_in_base
+                          ? in_base[at(k)]
+                          : dot(Vec3<Expression>{Expression(r(0, k)), Expression(r(1, k)), Expression(r(2, k))}, along));
+    }
+    return out;
+  }
+
   ExpressionGraph graph;
 
  private:
@@ -603,8 +628,9 @@ std::string slopes_function_text(const Source& s, const WrittenModel& out, const
          "column);\n    using tiller::sincos;\n" + code + "  }\n";
 }
 
-// Poses of frames and distances of spheres; nothing where there are none.
-std::string outputs_text(const Source& s, const std::vector<int>& told, const SphereOutputs& spheres, int& operations) {
+// Poses of frames, distances of spheres and motions of points; nothing where there are none.
+std::string outputs_text(const Source& s, const std::vector<int>& told, const SphereOutputs& spheres,
+                         const std::vector<MotionOutput>& motions, int& operations) {
   std::vector<std::string> outputs, values;
   for (const int frame : told)
     for (const std::string& name :
@@ -612,10 +638,12 @@ std::string outputs_text(const Source& s, const std::vector<int>& told, const Sp
       outputs.push_back(name);
   const std::size_t first_distance = outputs.size();
   for (const SphereOutput& output : spheres.outputs) outputs.push_back(output.name);
+  for (const MotionOutput& motion : motions) outputs.insert(outputs.end(), motion.names.begin(), motion.names.end());
   if (outputs.empty()) return "";
   Equations kinematics = s.equations();
   std::vector<Expression> told_of = kinematics.poses(told);
   for (const Expression& distance : kinematics.distances(spheres)) told_of.push_back(distance);
+  for (const Expression& along : kinematics.motions(motions)) told_of.push_back(along);
   const std::string code = emit_code(kinematics.graph, told_of, "    ", values, &operations);
   for (std::size_t i = 0; i < spheres.outputs.size(); ++i)
     if (spheres.outputs[i].b >= 0) {
@@ -624,7 +652,8 @@ std::string outputs_text(const Source& s, const std::vector<int>& told, const Sp
       operations += 2;
     }
   return "\n" + fields_text("Output", outputs) + "\n  /// Poses of frames in the base's axes" +
-         (spheres.outputs.empty() ? std::string() : ", distances of spheres' centres") + ": " +
+         (spheres.outputs.empty() ? std::string() : ", distances of spheres' centres") +
+         (motions.empty() ? "" : ", what gyroscopes and the like read") + ": " +
          std::to_string(operations) + " operations.\n  static Output outputs([[maybe_unused]] const State& x" +
          (s.has_params() ? ", [[maybe_unused]] const Params& p" : std::string()) + ") {\n    using tiller::sincos;\n" +
          (spheres.outputs.empty() ? "" : "    using tiller::sqrt;\n") + code + "    return {" +
@@ -666,7 +695,8 @@ std::string fields_and_joints(const Source& s, int operations) {
 }  // namespace
 
 WrittenModel write_model(const Mechanism& mechanism, const Unknowns& unknowns, int payload_frame,
-                         const std::vector<int>& told, const SphereOutputs& spheres) {
+                         const std::vector<int>& told, const SphereOutputs& spheres,
+                         const std::vector<MotionOutput>& motions) {
   WrittenModel out;
   out.names = name_model(mechanism);
   const Source source{mechanism, unknowns, out.names, payload_frame};
@@ -679,7 +709,7 @@ WrittenModel write_model(const Mechanism& mechanism, const Unknowns& unknowns, i
     const std::string code = slopes_text(mechanism, unknowns, out.names, payload_frame, out.slope_operations);
     out.text += slopes_function_text(source, out, code);
   }
-  out.text += outputs_text(source, told, spheres, out.output_operations) + "};\n";
+  out.text += outputs_text(source, told, spheres, motions, out.output_operations) + "};\n";
   return out;
 }
 

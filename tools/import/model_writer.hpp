@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <string>
 #include <vector>
 
@@ -26,11 +27,21 @@ struct WrittenModel {
   int slope_operations = 0;     ///< of the slopes beyond the inverse inertia
 };
 
+/// How a point of a body moves: three outputs, along the axes of a frame or of the base.
+struct MotionOutput {
+  enum class Kind { turning, moving, turning_in_base };
+  Kind kind = Kind::turning;
+  int body = -1;
+  Pose pose;  ///< of the point's frame in the body's
+  std::array<std::string, 3> names;
+};
+
 /// The equations as a header for [model] file: forward dynamics and the inverse inertia, unrolled, for any scalar. The
 /// payload of `body` hangs at `payload_frame` (an index of mechanism.frames; -1: nowhere). `told`: frames whose poses
 /// are the model's outputs (tools/base/frame_names.hpp); the distances of `spheres` follow them
-/// (tools/base/spheres.hpp).
+/// (tools/base/spheres.hpp), then `motions`.
 WrittenModel write_model(const Mechanism& mechanism, const Unknowns& unknowns, int payload_frame,
-                         const std::vector<int>& told, const SphereOutputs& spheres = {});
+                         const std::vector<int>& told, const SphereOutputs& spheres = {},
+                         const std::vector<MotionOutput>& motions = {});
 
 }  // namespace tiller::tools

@@ -26,6 +26,8 @@ constexpr double kUnknownForce = 0.002;
 /// A touch that comes within a period changes speeds by as much as this, of a joint whose robot has contacts.
 constexpr double kTouch_m_s = 0.3, kTouch_rad_s = 3.0;
 constexpr double kEncoder_rad = 0.0005, kEncoder_m = 0.0001;
+/// Of a speed whose sensor states no noise: the difference of two such readings, a period apart.
+constexpr double kRate_rad_s = 0.07, kRate_m_s = 0.014;
 /// Weights of the default task: of positions and speeds, and at a plan's end.
 constexpr double kStage[] = {10.0, 0.1}, kTerminal[] = {100.0, 10.0};
 /// Periods that a plan looks ahead: enough for an arm that is driven at every joint, and what a tick has time for.
@@ -56,6 +58,7 @@ class RobotText {
     measurement();
     task(payload_frame);
     safety();
+    logged();
     out_ += extras_.figure;
     plant(made);
     return out_;
@@ -169,8 +172,15 @@ class RobotText {
 
   void measurement() {
     out_ += "[measurement]\n";
+    for (const bool speeds : {false, true})
+      for (std::size_t j = 0; j < joints(); ++j)
+        if (const double sd = measured_sd(j, speeds); sd > 0.0)
+          out_ += state(j, speeds) + " = { sd = " + number_text(sd) + " }" + unstated(j, speeds) + "\n";
     for (std::size_t j = 0; j < joints(); ++j)
-      out_ += names_.positions[j] + " = { sd = " + number_text(body(j).prismatic ? kEncoder_m : kEncoder_rad) + " }\n";
+      if (!(measured_sd(j, false) > 0.0) && !(measured_sd(j, true) > 0.0))
+        out_ += "# the description has no sensor of " + names_.joints[j] +
+                ", whose motion shows in the others' alone; an encoder: " + names_.positions[j] + " = { sd = " +
+                number_text(encoder_sd(j)) + " }\n";
     const bool touches = !mechanism_.contacts.empty();
     out_ +=
         "\n[noise]\n# what the equations do not know: " +
@@ -198,6 +208,43 @@ class RobotText {
       out_ +=
           "# small, so that a tick of many joints stays short; `tiller size` tells what more would take\n"
           "[posterior]\nparticles = 64\nwindow = 16\nmoves_per_tick = 8\n\n";
+  }
+
+  const std::string& state(std::size_t joint, bool speed) const {
+    return speed ? names_.velocities[joint] : names_.positions[joint];
+  }
+  double encoder_sd(std::size_t joint) const { return body(joint).prismatic ? kEncoder_m : kEncoder_rad; }
+  /// As the description's sensors have it; of one without any every position is measured. NaN: not measured.
+  double measured_sd(std::size_t joint, bool speed) const {
+    const ModelSensors& sensors = extras_.sensors;
+    if (sensors.position_sd.empty()) return speed ? NAN : encoder_sd(joint);
+    const double sd = (speed ? sensors.velocity_sd : sensors.position_sd)[joint];
+    if (sd != 0.0) return sd;
+    return !speed ? encoder_sd(joint) : body(joint).prismatic ? kRate_m_s : kRate_rad_s;
+  }
+  std::string unstated(std::size_t joint, bool speed) const {
+    const ModelSensors& sensors = extras_.sensors;
+    if (sensors.position_sd.empty()) return "";
+    return (speed ? sensors.velocity_sd : sensors.position_sd)[joint] == 0.0 ? "   # the description states no noise" : "";
+  }
+  bool measures_speeds() const {
+    for (std::size_t j = 0; j < joints(); ++j)
+      if (measured_sd(j, true) > 0.0) return true;
+    return false;
+  }
+
+  /// Sensors that no state is measured by, for whoever has them in the logs.
+  void logged() {
+    if (extras_.sensors.logged.empty()) return;
+    out_ +=
+        "# What else the description's sensors read. Where your logs have these columns, take the marks away: `tiller gap`\n"
+        "# then fits by them too. The controller itself measures states alone.\n# [log]\n# sensors = [\n";
+    for (const LoggedSensor& s : extras_.sensors.logged)
+      out_ += "#   { column = \"" + s.column + "\", of = \"" + s.of + "\"" +
+              (s.derivative > 0 ? ", derivative = " + std::to_string(s.derivative) : "") + ", sd = " +
+              (s.sd > 0.0 ? number_text(s.sd) : "...") + (s.zero != 0.0 ? ", zero = " + number_text(s.zero) : "") + " }, # " +
+              s.unit + "\n";
+    out_ += "# ]\n\n";
   }
 
   void task(const std::string& frame) {
@@ -378,9 +425,11 @@ class RobotText {
                : "") +
           "seed = 1\n";
     if (has_priors()) out_ += "draw = true               # from the priors above, by the seed\n";
-    for (std::size_t j = 0; j < joints(); ++j)
-      out_ += "sensors." + names_.positions[j] +
-              " = { sd = " + number_text(0.5 * (body(j).prismatic ? kEncoder_m : kEncoder_rad)) + " }\n";
+    if (measures_speeds()) out_ += "rates = true              # the plant measures speeds too\n";
+    for (const bool speeds : {false, true})
+      for (std::size_t j = 0; j < joints(); ++j)
+        if (const double sd = measured_sd(j, speeds); sd > 0.0)
+          out_ += "sensors." + state(j, speeds) + " = { sd = " + number_text(0.5 * sd) + " }\n";
     out_ += "\n";
     if (unknowns_.payload)
       out_ += "[[sim.effects]]\nkind = \"payload\"\nmass_kg = " + number_text(round_to(0.4 * unknowns_.payload_kg)) +

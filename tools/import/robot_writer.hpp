@@ -3,7 +3,7 @@
 #include <string>
 
 #include "tools/import/described_plant.hpp"
-#include "tools/import/model_writer.hpp"
+#include "tools/import/sensors.hpp"
 
 namespace tiller::tools {
 
@@ -14,6 +14,7 @@ constexpr double kImportPeriod_s = 0.01;
 struct TaskExtras {
   double margin_rad = 0.0;  ///< of the joints that turn, before their ends
   Spheres spheres;
+  ModelSensors sensors;
   std::string figure;  ///< its section (figure_writer.hpp)
 };
 

@@ -82,6 +82,17 @@ def pairs_of(m, geom):
             for k in range(m.npair)]
 
 
+def sensor_of(mujoco, m, k, name, named):
+    """A sensor with what it is attached to, and what MuJoCo does beside reading it."""
+    kind, held_by = word(mujoco.mjtSensor, m.sensor_type[k], "mjSENS_"), word(mujoco.mjtObj, m.sensor_objtype[k], "mjOBJ_")
+    value = lambda field: float(getattr(m, field)[k]) if hasattr(m, field) else 0.0  # not in every version
+    target = int(m.sensor_objid[k])
+    return {"name": name, "type": kind, "of": held_by,
+            "target": named[held_by][target] if held_by in named and target >= 0 else "",
+            "relative": int(m.sensor_refid[k]) >= 0, "noise": value("sensor_noise"), "cutoff": value("sensor_cutoff"),
+            "delay": value("sensor_delay")}
+
+
 def describe(mujoco, m, stem):
     obj, lists = mujoco.mjtObj, lambda rows: [[float(v) for v in row] for row in rows]
     body = Names(mujoco, m, obj.mjOBJ_BODY, m.nbody, lambda k: f"body{k}").of
@@ -165,6 +176,9 @@ def describe(mujoco, m, stem):
                      "quat": m.site_quat[k].tolist()} for k in range(m.nsite)]
     out["keyframes"] = [{"name": name, "positions": [float(m.key_qpos[k][a]) for a in m.jnt_qposadr]}
                         for k, name in enumerate(names(obj.mjOBJ_KEY, m.nkey, "key"))]
+    named = {"joint": joint, "site": site, "xbody": body, "body": body, "tendon": tendon, "actuator": actuator}
+    out["sensors"] = [sensor_of(mujoco, m, k, name, named)
+                      for k, name in enumerate(names(obj.mjOBJ_SENSOR, m.nsensor, "sensor"))]
     out["touching"] = int(sum(1 for k in range(m.ngeom) if m.geom_contype[k] or m.geom_conaffinity[k])) + m.npair
     out["touching_world"] = touching_world(m, body)
     geom = names(obj.mjOBJ_GEOM, m.ngeom, "geom")
