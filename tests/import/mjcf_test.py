@@ -1,8 +1,8 @@
 """mjcf_test.py TILLER FOLDER [--write]: an MJCF through MuJoCo itself, and what the C++ tests have stored of that.
 
 With mujoco: what tiller_tools.mjcf says of FOLDER/machine.xml is what machine.json has, the accelerations in
-machine_accelerations.json are MuJoCo's, and the command imports the XML and its .mjb. Without it: the command says how to
-get it. --write stores both files anew.
+machine_accelerations.json are MuJoCo's, and the command imports the XML and its .mjb; so with servos.xml and with the
+readings of sensors.xml. Without it: the command says how to get it. --write stores all files anew.
 """
 import json
 import math
@@ -129,6 +129,48 @@ def servos_as_stored(mujoco, folder):
         assert worst < 1e-10, worst
 
 
+SENSED_JOINTS = ["pan", "lift", "reach", "swing"]
+
+
+def sensor_readings(mujoco, m, q, v, force):
+    """Accelerations of the joints and what every sensor reads, by column: "camera_x", or the name where it is one value."""
+    d = mujoco.MjData(m)
+    for name, position, speed, push in zip(SENSED_JOINTS, q, v, force):
+        j = m.joint(name).id
+        d.qpos[m.jnt_qposadr[j]], d.qvel[m.jnt_dofadr[j]], d.qfrc_applied[m.jnt_dofadr[j]] = position, speed, push
+    mujoco.mj_forward(m, d)
+    readings = {}
+    for k in range(m.nsensor):
+        values = d.sensordata[m.sensor_adr[k]:m.sensor_adr[k] + m.sensor_dim[k]].tolist()
+        ends = ["_x", "_y", "_z"] if len(values) == 3 else [""] if len(values) == 1 else []
+        readings.update({m.sensor(k).name + end: value for end, value in zip(ends, values)})
+    return [float(d.qacc[m.jnt_dofadr[m.joint(name).id]]) for name in SENSED_JOINTS], readings
+
+
+def write_sensors(mujoco, folder):
+    import numpy as np
+
+    (folder / "sensors.json").write_text(json.dumps(compiled(folder, "sensors.xml"), indent=1) + "\n", encoding="utf-8")
+    m, rng, rows = mujoco.MjModel.from_xml_path(str(folder / "sensors.xml")), np.random.default_rng(SEED), []
+    m.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    for _ in range(STATES // 2):
+        q, v, force = (rng.uniform(-a, a, len(SENSED_JOINTS)).round(4).tolist() for a in (1.5, 2.0, 5.0))
+        a, readings = sensor_readings(mujoco, m, q, v, force)
+        rows.append({"q": q, "v": v, "force": force, "a": a, "readings": readings})
+    text = ",\n".join(json.dumps(row) for row in rows)
+    (folder / "sensors_readings.json").write_text(f"[\n{text}\n]\n", encoding="utf-8")
+
+
+def sensors_as_stored(mujoco, folder):
+    difference = same(compiled(folder, "sensors.xml"), json.loads((folder / "sensors.json").read_text(encoding="utf-8")))
+    assert difference is None, difference
+    m = mujoco.MjModel.from_xml_path(str(folder / "sensors.xml"))
+    m.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    for row in json.loads((folder / "sensors_readings.json").read_text(encoding="utf-8")):
+        _, readings = sensor_readings(mujoco, m, row["q"], row["v"], row["force"])
+        assert all(math.isclose(row["readings"][k], readings[k], rel_tol=1e-9, abs_tol=1e-9) for k in readings), row
+
+
 def same(ours, theirs, where=""):
     """Where two JSON values differ, beyond rounding; None: nowhere."""
     if isinstance(ours, dict) and isinstance(theirs, dict):
@@ -151,6 +193,7 @@ def with_mujoco(mujoco, tiller, folder):
     difference = same(compiled(folder), json.loads((folder / "machine.json").read_text(encoding="utf-8")))
     assert difference is None, difference
     servos_as_stored(mujoco, folder)
+    sensors_as_stored(mujoco, folder)
     models, worst = both(mujoco, folder), 0.0
     for row in json.loads((folder / "machine_accelerations.json").read_text(encoding="utf-8")):
         for m, key in zip(models, ("a", "a_loaded")):
@@ -187,6 +230,7 @@ def main():
     if sys.argv[3:] == ["--write"]:
         write(mujoco, folder)
         write_servos(mujoco, folder)
+        write_sensors(mujoco, folder)
     return with_mujoco(mujoco, tiller, folder)
 
 

@@ -1,8 +1,10 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <string>
+#include <vector>
 
 namespace tiller::tools {
 
@@ -16,6 +18,18 @@ inline std::array<std::string, 12> frame_output_names(const std::string& frame) 
   for (int r = 0; r < 3; ++r)
     for (int c = 0; c < 3; ++c) names[at++] = frame + "_r" + axes[r] + axes[c];
   return names;
+}
+
+/// The frame of which `output` is the position along an axis, "imu" of "imu_y_m", where `outputs` have all twelve of it;
+/// else empty.
+inline std::string frame_under(const std::vector<std::string>& outputs, const std::string& output) {
+  const std::string frame = output.substr(0, output.size() - std::min<std::size_t>(output.size(), 4));
+  const auto names = frame_output_names(frame);
+  const auto has = [&](const std::string& name) {
+    return std::find(outputs.begin(), outputs.end(), name) != outputs.end();
+  };
+  const bool is_position = std::find(names.begin(), names.begin() + 3, output) != names.begin() + 3;
+  return is_position && std::all_of(names.begin(), names.end(), has) ? frame : "";
 }
 
 /// Roll, pitch and yaw about the fixed axes x, y, z, as a URDF has them: R = Rz(yaw) Ry(pitch) Rx(roll), row by row.

@@ -27,6 +27,7 @@ constexpr Kind kKinds[] = {
     {"jointpos", nullptr},
     {"jointvel", nullptr},
     {"gyro", nullptr},
+    {"accelerometer", nullptr},
     {"velocimeter", nullptr},
     {"framepos", nullptr},
     {"framexaxis", nullptr},

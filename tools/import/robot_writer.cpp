@@ -241,8 +241,9 @@ class RobotText {
         "# then fits by them too. The controller itself measures states alone.\n# [log]\n# sensors = [\n";
     for (const LoggedSensor& s : extras_.sensors.logged)
       out_ += "#   { column = \"" + s.column + "\", of = \"" + s.of + "\"" +
-              (s.derivative > 0 ? ", derivative = " + std::to_string(s.derivative) : "") + ", sd = " +
-              (s.sd > 0.0 ? number_text(s.sd) : "...") + (s.zero != 0.0 ? ", zero = " + number_text(s.zero) : "") + " }, # " +
+              (s.derivative > 0 ? ", derivative = " + std::to_string(s.derivative) : "") +
+              (s.accelerometer ? ", accelerometer = true" : "") + ", sd = " +
+              (s.sd > 0.0 ? number_text(s.sd) : "...") + (s.zero != 0.0 ? ", zero = " + number_text(s.zero) : "") + " },   # " +
               s.unit + "\n";
     out_ += "# ]\n\n";
   }

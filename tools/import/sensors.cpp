@@ -93,12 +93,14 @@ class Placer {
     const auto names = frame_output_names(identifier(sensor.at.name));
     const bool is_axis = sensor.kind.size() == 10;  // framexaxis
     const std::size_t axis = is_axis ? static_cast<std::size_t>(sensor.kind[5] - 'x') : 0;
+    const bool rides = sensor.kind == "accelerometer";
     const int derivative = sensor.kind == "framelinvel" ? 1 : sensor.kind == "framelinacc" ? 2 : 0;
-    const char* unit = is_axis ? "1" : derivative == 0 ? "m" : derivative == 1 ? "m/s" : "m/s^2";
+    const char* unit = is_axis ? "1" : rides || derivative == 2 ? "m/s^2" : derivative == 1 ? "m/s" : "m";
     for (std::size_t k = 0; k < 3; ++k) {
       // MuJoCo's accelerations have gravity in them: what stands still reads g upwards
       const double zero = derivative == 2 ? -mechanism_.gravity_m_s2[k] + 0.0 : 0.0;
       log(sensor, kAxes[k], names[is_axis ? 3 + 3 * k + axis : k], derivative, zero, unit);
+      out_.logged.back().accelerometer = rides;
     }
     return "";
   }

@@ -14,6 +14,7 @@ struct LoggedSensor {
   double sd = 0.0;    ///< 0: nobody says
   double zero = 0.0;  ///< what it reads where the quantity is 0
   const char* unit = "";
+  bool accelerometer = false;
 };
 
 /// A description's sensors in terms of the model.

@@ -22,6 +22,9 @@ struct LogSensor {
   double sd = 1;       ///< of its noise, in SI units
   double factor = 1;   ///< to SI units
   double zero = 0;     ///< what the column reads where the quantity is 0
+  /// Rides on the frame whose position along an axis `of` is, and reads along that axis of the frame itself, gravity
+  /// included; derivative is 2.
+  bool accelerometer = false;
 };
 
 /// How a CSV from elsewhere is read: the robot file's [log] section.

@@ -2,6 +2,7 @@
 
 #include <filesystem>
 
+#include "tools/base/frame_names.hpp"
 #include "tools/robot/robot_sections.hpp"
 #include "tools/robot/transport_names.hpp"
 
@@ -272,20 +273,27 @@ void read_log_sensors(SectionReader& section, const RobotFile& robot, LogMap& lo
     const auto column = one.text("column"), of = one.text("of");
     const auto sd = one.number("sd"), factor = one.number("factor"), zero = one.number("zero");
     const auto derivative = one.count("derivative");
+    const bool accelerometer = one.flag("accelerometer").value_or(false);
     if (!one.has("column")) one.missing("column", "write column = \"...\", the sensor's name in the logs");
     if (!one.has("of")) one.missing("of", "write of = \"...\", one of " + join(known));
     if (!one.has("sd")) one.missing("sd", "write sd = ..., the standard deviation of its noise in SI units");
     if (of && index_of(known, *of) < 0)
       one.error("of", "'" + *of + "' is no state or output of the model", remedy_for_unknown(*of, known));
     if (factor && *factor == 0) one.error("factor", "is 0", "write the SI units in one of the column's");
-    if (of && derivative.value_or(0) == 2 && !joints_tell_rate(model, *of))
+    if (of && accelerometer && frame_under(known, *of).empty())
+      one.error("of", "'" + *of + "' is no position of a frame, and an accelerometer rides on one",
+                "write an output such as imu_x_m, of a frame whose rotation the model tells too");
+    if (accelerometer && one.has("derivative"))
+      one.error("derivative", "stands beside accelerometer = true", "leave derivative out");
+    if (of && (accelerometer || derivative.value_or(0) == 2) && !joints_tell_rate(model, *of))
       one.error("derivative", "is 2, and the model does not tell the second derivative of " + *of,
                 "leave the sensor out; of a joint's position it does, and of an output where each state is a joint's");
     if (!column || !of || !sd) continue;
     sensor.column = *column;
     sensor.of = *of;
     sensor.sd = *sd;
-    sensor.derivative = static_cast<int>(derivative.value_or(0));
+    sensor.derivative = accelerometer ? 2 : static_cast<int>(derivative.value_or(0));
+    sensor.accelerometer = accelerometer;
     sensor.factor = factor.value_or(1);
     sensor.zero = zero.value_or(0);
     log.sensors.push_back(sensor);

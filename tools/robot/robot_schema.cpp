@@ -407,6 +407,9 @@ const std::vector<KeySpec> kOthers = {
      "SI units in one of the column's; below 0 where the sensor points the other way"},
     {"log.sensors[]", "zero", K::number, "", "0", -kValue, kValue, false, hand, nullptr,
      "what the column reads, in its unit, where the quantity is 0"},
+    {"log.sensors[]", "accelerometer", K::flag, "", "false", 0, 1, false, hand, nullptr,
+     "true: `of` is a frame's position, imu_x_m, and the sensor is the x axis of an accelerometer that rides on that "
+     "frame: it turns with it and reads 9.81 upwards where it stands still; without derivative"},
 
     {"figure", "view", K::choice, "", "3d", 0, 0, false, hand, figure_view_names,
      "at first: side has x to the right and z up, top x to the right and y up; the mouse turns them all"},

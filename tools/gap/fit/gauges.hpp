@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "tiller/tiller.h"
@@ -12,6 +13,9 @@ namespace tiller::tools::gap {
 ///
 /// A derivative is taken through the velocities of the joints as far as that goes, and then as the change over the
 /// period that ends at the row: an accelerometer that is read before the next command acts shows that.
+///
+/// An accelerometer that rides on a frame reads along the frame's own axis, and gravity with it. Its slope takes the
+/// axis as it stands: what an error of the attitude does to the share of gravity is left out.
 class Gauges {
  public:
   Gauges() = default;
@@ -39,10 +43,16 @@ class Gauges {
     bool through_joints = false;  // the rate by the joints' velocities
     std::size_t differences = 0;
     double sd = 1;
+    bool rides = false;
+    std::array<std::uint32_t, 3> position{}, axis{};  // outputs of what it rides on: origin, and its own axis
   };
-  double quantity(const Gauge& gauge, const double* state, const double* params) const;
+  using Axis = std::array<double, 3>;
+  void rate(const double* state, const double* params, double* out) const;
+  Axis axis_of(const Gauge& gauge, const double* state, const double* params) const;
+  double quantity(const Gauge& gauge, const double* state, const double* params, const Axis& axis) const;
 
   const tiller_model_t* model_ = nullptr;
+  Axis gravity_m_s2_{};
   std::vector<Gauge> gauges_;
 };
 
