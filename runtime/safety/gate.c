@@ -3,10 +3,6 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-/* Cuts below this share of the range are rounding, not news: a planner that samples in single precision lands within
-   6e-8 of a limit. They are made all the same, but neither reported nor counted. */
-static const double kRounding = 1e-6;
-
 /* Stamps are whole microseconds, so the true time since the last command may be up to one longer. */
 static const double kStampGrain_s = 1e-6;
 
@@ -194,7 +190,7 @@ double tiller_gate_step(const tiller_gate_t* g, uint32_t i, double elapsed_s) {
     assigns \nothing;
 */
 static tiller_status_t told(double wanted, double value, double low, double high) {
-  const double tolerance = kRounding * (high - low);
+  const double tolerance = TILLER_GATE_ROUNDING * (high - low);
   const double within = brought_in(wanted, low, high);
   if (apart(wanted, within, tolerance)) return tiller_status_command_limited;
   return apart(within, value, tolerance) ? tiller_status_rate_limited : tiller_status_ok;

@@ -12,6 +12,10 @@
 extern "C" {
 #endif
 
+/** Cuts below this share of the range are rounding, not news: a planner that samples in single precision lands within
+ *  6e-8 of a limit. They are made all the same, but neither reported nor counted. */
+#define TILLER_GATE_ROUNDING 1e-6
+
 /** Limits, the command in force and what the gate has counted. */
 typedef struct tiller_gate {
   uint32_t count; /**< nu */
@@ -34,8 +38,8 @@ typedef struct tiller_gate_cones tiller_gate_cones_t;
    within          low <= x <= high
    near            x is within `step` of `last`, by one of two sums in doubles; they differ by a rounding
    allows          `step` is what a rate allows in a time: of an infinite rate anything, of one that is not positive or
-                   a time that is not positive nothing, else the rate times the shorter of period and elapsed time, which
-                   counts a microsecond more: stamps are whole ones
+                   a time that is not positive nothing, else the rate times the shorter of period and elapsed time,
+                   which counts a microsecond more: stamps are whole ones
    in_limits       finite limits around the safe command and the command in force, of input i
    only_safe       no other command than the safe one is within the limits of input i
    ready           all inputs of a gate are in_limits: what tiller_gate_settle makes true and every function keeps

@@ -17,13 +17,13 @@ enum {
      - Reset is refused while the robot moves: it would drop the state estimate under a running plan. */
 // clang-format off
 static const int8_t kNext[tiller_machine_states][tiller_machine_events] = {
-  //            arm       disarm    stop   reset     measured  cleared   plan_good plan_failed hold_expired sensor_fault
-  //            clock_set
-  /* INIT    */ {kInit,    kInit,    kSafe, kInit,    kStandby, kActive,  kInit,    kInit,      kInit,       kInit,       kInit},
-  /* STANDBY */ {kStandby, kStandby, kSafe, kInit,    kStandby, kActive,  kStandby, kStandby,   kStandby,    kSafe,       kInit},
-  /* ACTIVE  */ {kActive,  kStandby, kSafe, kRefused, kActive,  kActive,  kActive,  kHold,      kActive,     kSafe,       kActive},
-  /* HOLD    */ {kHold,    kStandby, kSafe, kRefused, kHold,    kHold,    kActive,  kHold,      kSafe,       kSafe,       kHold},
-  /* SAFE    */ {kRefused, kRefused, kSafe, kInit,    kSafe,    kSafe,    kSafe,    kSafe,      kSafe,       kSafe,       kSafe},
+  //            arm       disarm    stop   reset     measured  cleared  plan_good           hold_expired     clock_set
+  //                                                                              plan_failed         sensor_fault
+  /* INIT    */ {kInit,    kInit,    kSafe, kInit,    kStandby, kActive, kInit,    kInit,    kInit,    kInit, kInit},
+  /* STANDBY */ {kStandby, kStandby, kSafe, kInit,    kStandby, kActive, kStandby, kStandby, kStandby, kSafe, kInit},
+  /* ACTIVE  */ {kActive,  kStandby, kSafe, kRefused, kActive,  kActive, kActive,  kHold,    kActive,  kSafe, kActive},
+  /* HOLD    */ {kHold,    kStandby, kSafe, kRefused, kHold,    kHold,   kActive,  kHold,    kSafe,    kSafe, kHold},
+  /* SAFE    */ {kRefused, kRefused, kSafe, kInit,    kSafe,    kSafe,   kSafe,    kSafe,    kSafe,    kSafe, kSafe},
 };
 // clang-format on
 

@@ -1,5 +1,5 @@
-/** The state machine in C99, with contracts (ACSL) that ./dev prove discharges: docs/safety/proof.md. StateMachine is its
- *  C++ side. */
+/** The state machine in C99, with contracts (ACSL) that ./dev prove discharges: docs/safety/proof.md. StateMachine is
+ *  its C++ side. */
 #ifndef TILLER_SAFETY_MACHINE_H_
 #define TILLER_SAFETY_MACHINE_H_
 

@@ -8,13 +8,10 @@
 namespace tiller {
 namespace {
 
-/// As in gate.c: cuts below this share of the range are rounding.
-constexpr double kRounding = 1e-6;
-
 /// By more than rounding.
 bool differs(const tiller_gate_t& gate, const double* a, const double* b) {
   for (std::uint32_t i = 0; i < gate.count; ++i)
-    if (std::abs(a[i] - b[i]) > kRounding * (gate.high[i] - gate.low[i])) return true;
+    if (std::abs(a[i] - b[i]) > TILLER_GATE_ROUNDING * (gate.high[i] - gate.low[i])) return true;
   return false;
 }
 

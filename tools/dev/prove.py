@@ -82,7 +82,8 @@ def listed():
 
 
 def approve(proven, reasons):
-    lines = ["# Goals that ./dev prove discharges: file, function, how many. One that it may leave open: open NAME REASON"]
+    lines = ["# Goals that ./dev prove discharges: file, function, how many. "
+             "One that it may leave open: open NAME REASON"]
     lines += [f"{name} {function} {count}" for (name, function), count in proven.items()]
     lines += [f"open {name} {reason}" for name, reason in reasons.items()]
     LIST.write_text("\n".join(lines) + "\n", encoding="utf-8")
