@@ -26,7 +26,7 @@ const tiller_transport_t kRos2Transport = {
 
 tiller_status_t ros2_transport_open(Ros2Transport*, const Ros2Options&, OpenError* error) { return refuse(error); }
 
-tiller_status_t Ros2GoalReader::open(const char*, const char*, OpenError* error) { return refuse(error); }
+tiller_status_t Ros2GoalReader::open(const char*, const char*, const char*, OpenError* error) { return refuse(error); }
 void Ros2GoalReader::close() {}
 bool Ros2GoalReader::take(Ros2JointGoal*) { return false; }
 bool Ros2GoalReader::take(double (&)[kRos2PoseNumbers]) { return false; }

@@ -34,14 +34,24 @@ tiller_status_t Ros2GoalReader::open_one(int which, const char* name, OpenError*
   return tiller_status_io_error;
 }
 
-tiller_status_t Ros2GoalReader::open(const char* trajectory, const char* pose, OpenError* error) {
+tiller_status_t Ros2GoalReader::open(const char* trajectory, const char* pose, const char* node, OpenError* error) {
   participant_ = ros2_participant();
   if (participant_ < 0) {
     set_open_error(error, "ros2: cannot join the domain: %s; is CYCLONEDDS_URI right?", dds_strretcode(participant_));
     return tiller_status_io_error;
   }
-  const tiller_status_t status = open_one(kTrajectory, trajectory, error);
-  return status == tiller_status_ok ? open_one(kPose, pose, error) : status;
+  for (const int which : {kTrajectory, kPose}) {
+    const tiller_status_t status = open_one(which, which == kPose ? pose : trajectory, error);
+    if (status != tiller_status_ok) return status;
+  }
+  dds_entity_t readers[2];
+  std::size_t count = 0;
+  for (const std::int32_t reader : reader_)
+    if (reader > 0) readers[count++] = reader;
+  const dds_return_t told = ros2_announce(participant_, {node, readers, count, nullptr, 0});
+  if (told >= 0) return tiller_status_ok;
+  set_open_error(error, "ros2: cannot announce the node '%.100s': %s", node, dds_strretcode(told));
+  return tiller_status_io_error;
 }
 
 void Ros2GoalReader::close() {

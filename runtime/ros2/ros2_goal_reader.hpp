@@ -29,8 +29,8 @@ class Ros2GoalReader {
   Ros2GoalReader(const Ros2GoalReader&) = delete;
   Ros2GoalReader& operator=(const Ros2GoalReader&) = delete;
 
-  /// Topics; an empty one is not read. Uses the heap.
-  [[nodiscard]] tiller_status_t open(const char* trajectory, const char* pose, OpenError* error);
+  /// Topics; an empty one is not read. `node` is the name in ROS 2's graph. Uses the heap.
+  [[nodiscard]] tiller_status_t open(const char* trajectory, const char* pose, const char* node, OpenError* error);
   void close();
 
   /// The next one that has come; false: there is none. A trajectory without points is one without joints.

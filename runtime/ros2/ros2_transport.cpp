@@ -385,6 +385,16 @@ tiller_status_t open_writer(Ros2Transport* transport, const Ros2Options& options
   return tiller_status_ok;
 }
 
+tiller_status_t announce(const Ros2Transport* transport, const Ros2Options& options, OpenError* error) {
+  dds_entity_t readers[kRos2Messages];
+  const dds_entity_t writers[] = {transport->writer, transport->diagnostics};
+  std::size_t count = 0;
+  for (const Ros2Reader& reader : transport->reader)
+    if (reader.entity > 0) readers[count++] = reader.entity;
+  const dds_return_t told = ros2_announce(transport->participant, {options.node, readers, count, writers, 2});
+  return told < 0 ? failed(error, "cannot announce the node", options.node, told) : tiller_status_ok;
+}
+
 tiller_status_t open_all(Ros2Transport* transport, const Ros2Options& options, OpenError* error) {
   transport->event = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
   if (transport->event < 0) return tiller_status_io_error;
@@ -393,7 +403,9 @@ tiller_status_t open_all(Ros2Transport* transport, const Ros2Options& options, O
   transport->participant = participant;
   transport->undecodable = ros2_undecodable();
   const tiller_status_t status = open_readers(transport, options, error);
-  return status == tiller_status_ok ? open_writer(transport, options, error) : status;
+  if (status != tiller_status_ok) return status;
+  const tiller_status_t writes = open_writer(transport, options, error);
+  return writes == tiller_status_ok ? announce(transport, options, error) : writes;
 }
 
 }  // namespace
@@ -417,7 +429,7 @@ tiller_status_t ros2_transport_open(Ros2Transport* transport, const Ros2Options&
   }
   transport->options = options;
   transport->options.joint_states = transport->options.imu = transport->options.odometry = nullptr;
-  transport->options.commands = nullptr;
+  transport->options.commands = transport->options.node = nullptr;
   const tiller_status_t status = open_all(transport, options, error);
   if (status != tiller_status_ok) ros2_close(transport);
   return status;

@@ -17,6 +17,7 @@ struct Ros2Options {
   const char* imu = "imu";
   const char* odometry = "odom";
   const char* commands = "";  ///< topic
+  const char* node = "tiller";  ///< name in ROS 2's graph: letters, digits and _
   std::uint32_t measurement_count = 0;
   std::uint32_t input_count = 0;
   Ros2Source source[TILLER_MAX_MEASUREMENTS];

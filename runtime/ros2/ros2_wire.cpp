@@ -25,6 +25,8 @@ constexpr Ros2TypeInfo kTypes[] = {
      "RIHS01_179b33eba59d676f6d967ac71fe35e7ca2f64b2f3928f4a018cec115e213796e"},
     {&diagnostic_msgs_msg_dds__DiagnosticArray__desc,
      "RIHS01_5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e"},
+    {&rmw_dds_common_msg_dds__ParticipantEntitiesInfo__desc,
+     "RIHS01_e725f4a506958c79f95dd693b965722c57b19cd18e7eff984f49561b93dc985d"},
 };
 
 // Longer samples are not put together: one of a thousand joints has 40 kB. CYCLONEDDS_URI, which comes last, may say
@@ -67,6 +69,16 @@ dds_return_t make_domain(dds_domainid_t id) {
   dds_set_log_sink(count_undecodable, nullptr);
   const dds_entity_t domain = dds_create_domain(id, config);
   return domain == DDS_RETCODE_PRECONDITION_NOT_MET ? DDS_RETCODE_OK : domain;
+}
+
+using Gid = rmw_dds_common_msg_dds__Gid_;
+
+Gid gid_of(dds_entity_t entity) {
+  dds_guid_t guid{};
+  Gid gid{};
+  static_assert(sizeof gid.data == sizeof guid.v, "a gid is DDS's own");
+  if (dds_get_guid(entity, &guid) == DDS_RETCODE_OK) std::memcpy(gid.data, guid.v, sizeof guid.v);
+  return gid;
 }
 
 dds_qos_t* endpoint_qos(Ros2Type type, Ros2Qos kind) {
@@ -155,6 +167,35 @@ dds_entity_t ros2_writer(dds_entity_t participant, Ros2Type type, const char* to
   const dds_entity_t writer = dds_create_writer(participant, of, qos, nullptr);
   dds_delete_qos(qos);
   return writer;
+}
+
+dds_return_t ros2_announce(dds_entity_t participant, const Ros2Node& node) {
+  constexpr std::size_t kMost = 8;
+  if (node.reader_count > kMost || node.writer_count > kMost) return DDS_RETCODE_BAD_PARAMETER;
+  const dds_entity_t topic = make_topic(participant, Ros2Type::kParticipantEntities, "ros_discovery_info");
+  if (topic < 0) return topic;
+  dds_qos_t* qos = endpoint_qos(Ros2Type::kParticipantEntities, Ros2Qos::kReliable);
+  dds_qset_history(qos, DDS_HISTORY_KEEP_LAST, 1);
+  dds_qset_durability(qos, DDS_DURABILITY_TRANSIENT_LOCAL);
+  const dds_entity_t writer = dds_create_writer(participant, topic, qos, nullptr);
+  dds_delete_qos(qos);
+  if (writer < 0) return writer;
+  Gid readers[kMost], writers[kMost];
+  for (std::size_t i = 0; i < node.reader_count; ++i) readers[i] = gid_of(node.readers[i]);
+  for (std::size_t i = 0; i < node.writer_count; ++i) writers[i] = gid_of(node.writers[i]);
+  rmw_dds_common_msg_dds__NodeEntitiesInfo_ entities{};
+  char space[] = "/";
+  entities.node_namespace = space;
+  entities.node_name = const_cast<char*>(node.name);  // Cyclone's C types have no const: it only reads what is written
+  entities.reader_gid_seq._buffer = readers;
+  entities.reader_gid_seq._length = static_cast<std::uint32_t>(node.reader_count);
+  entities.writer_gid_seq._buffer = writers;
+  entities.writer_gid_seq._length = static_cast<std::uint32_t>(node.writer_count);
+  rmw_dds_common_msg_dds__ParticipantEntitiesInfo_ message{};
+  message.gid = gid_of(participant);
+  message.node_entities_info_seq._buffer = &entities;
+  message.node_entities_info_seq._length = 1;
+  return dds_write(writer, &message);
 }
 
 void ros2_explain_silence(dds_entity_t participant, dds_entity_t reader, Ros2Type type, const char* topic, char* text,

@@ -17,6 +17,7 @@ enum class Ros2Type : std::uint8_t {
   kPoseStamped,
   kJointTrajectory,
   kDiagnostics,
+  kParticipantEntities,
 };
 
 struct Ros2TypeInfo {
@@ -46,6 +47,18 @@ dds_entity_t ros2_reader(dds_entity_t participant, Ros2Type type, const char* to
                          const dds_listener_t* listener);
 /// A write never waits: what a full history has no room for is refused with DDS_RETCODE_TIMEOUT.
 dds_entity_t ros2_writer(dds_entity_t participant, Ros2Type type, const char* topic);
+
+/// A node of ROS 2's graph: what `ros2 node list` and `ros2 node info` show of a participant.
+struct Ros2Node {
+  const char* name;  ///< without a namespace: letters, digits and _
+  const dds_entity_t* readers;
+  std::size_t reader_count;
+  const dds_entity_t* writers;
+  std::size_t writer_count;
+};
+/// Tells whoever is there or comes later that the participant is that node. Uses the heap. Negative: dds_strretcode()
+/// says why.
+dds_return_t ros2_announce(dds_entity_t participant, const Ros2Node& node);
 
 /// Why nothing comes on this topic, from what participants announce: another type, another QoS, nobody. A literal, or
 /// in `text`. Uses the heap.

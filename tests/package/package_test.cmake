@@ -19,10 +19,14 @@ if(SANITIZE)
 endif()
 run(${CMAKE_COMMAND} -S ${CONSUMER} -B ${WORK}/consumer -G ${GENERATOR}
   -D CMAKE_PREFIX_PATH=${WORK}/prefix -D CMAKE_C_FLAGS=${flags} -D CMAKE_CXX_FLAGS=${flags}
-  -D CMAKE_FIND_PACKAGE_NO_PACKAGE_REGISTRY=ON)
+  -D CMAKE_FIND_PACKAGE_NO_PACKAGE_REGISTRY=ON -D WITH_ROS2=${WITH_ROS2})
 run(${CMAKE_COMMAND} --build ${WORK}/consumer)
 
-foreach(language IN ITEMS c cpp)
+set(languages c cpp)
+if(WITH_ROS2)
+  list(APPEND languages ros2)
+endif()
+foreach(language IN LISTS languages)
   run(${WORK}/consumer/consumer_${language})
   message("${out}")
   if(NOT out MATCHES "tiller ${VERSION}")

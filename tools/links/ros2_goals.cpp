@@ -39,7 +39,8 @@ bool Ros2Goals::open(std::string& error) {
             "what it sets; add goal_fields = { state_or_output = \"position.x\" }";
     return false;
   }
-  const tiller_status_t status = reader_.open(trajectory.c_str(), pose.c_str(), &problem);
+  const std::string node = ros2_node_name(robot_) + "_goals";
+  const tiller_status_t status = reader_.open(trajectory.c_str(), pose.c_str(), node.c_str(), &problem);
   if (status == tiller_status_ok) return true;
   error = robot_.path + ": [transport] " + (problem.text[0] ? problem.text : tiller_status_text(status));
   return false;

@@ -25,12 +25,13 @@ class Ros2Link final : public TransportLink {
 
   tiller_status_t open(OpenError& problem) override {
     const Ros2Section& section = robot_.transport.ros2;
-    const std::string commands = ros2_commands_topic(robot_);
+    const std::string commands = ros2_commands_topic(robot_), node = ros2_node_name(robot_);
     Ros2Options ros2;
     ros2.joint_states = section.joint_states.c_str();
     ros2.imu = section.imu.c_str();
     ros2.odometry = section.odometry.c_str();
     ros2.commands = commands.c_str();
+    ros2.node = node.c_str();
     ros2.measurement_count = robot_.config.measurement_count;
     ros2.input_count = robot_.config.model->input_count;
     ros2.together_us = std::llround(1e6 * robot_.config.period_s);

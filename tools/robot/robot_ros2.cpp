@@ -53,10 +53,16 @@ void read_goal_fields(SectionReader& section, const RobotFile& robot, std::map<s
   }
 }
 
-std::string below_the_name(const RobotFile& robot, const char* end) {
+/// The robot's name in letters that ROS 2 allows.
+std::string plain_name(const RobotFile& robot) {
   std::string name = robot.name;
   for (char& c : name)
     if (std::isalnum(static_cast<unsigned char>(c)) == 0) c = '_';
+  return name;
+}
+
+std::string below_the_name(const RobotFile& robot, const char* end) {
+  std::string name = plain_name(robot);
   if (name.empty() || std::isdigit(static_cast<unsigned char>(name[0])) != 0) name.insert(0, "_");
   return name + "/" + end;
 }
@@ -72,6 +78,8 @@ std::string ros2_trajectory_topic(const RobotFile& robot) {
   const std::string& given = robot.transport.ros2.goal_trajectory;
   return given.empty() ? below_the_name(robot, "joint_trajectory") : given;
 }
+
+std::string ros2_node_name(const RobotFile& robot) { return "tiller_" + plain_name(robot); }
 
 void read_ros2(SectionReader& section, const RobotFile& robot, Ros2Section& ros2) {
   if (const auto v = section.text("joint_states")) ros2.joint_states = *v;
