@@ -391,7 +391,9 @@ class Builder {
       const MovingBody& last = raw_[static_cast<std::size_t>(std::max(a, b))].body;
       error(0, tie.kind + " '" + tie.name + "' ties link '" + tie.link_a + "' to '" + tie.link_b +
                    "': a closed chain is no tree; take it out, or hold the joints between them, for example --hold " +
-                   last.joint);
+                   last.joint +
+                   ", or where the others' positions are straight lines of one joint's (a parallelogram) couple them by "
+                   "<equality><joint>, which is exact");
     }
   }
 
