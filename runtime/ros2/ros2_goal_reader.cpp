@@ -40,8 +40,9 @@ tiller_status_t Ros2GoalReader::open(const char* trajectory, const char* pose, c
     set_open_error(error, "ros2: cannot join the domain: %s; is CYCLONEDDS_URI right?", dds_strretcode(participant_));
     return tiller_status_io_error;
   }
-  for (const int which : {kTrajectory, kPose}) {
-    const tiller_status_t status = open_one(which, which == kPose ? pose : trajectory, error);
+  const char* const names[] = {trajectory, pose};
+  for (int which = 0; which < 2; ++which) {
+    const tiller_status_t status = open_one(which, names[which], error);
     if (status != tiller_status_ok) return status;
   }
   dds_entity_t readers[2];

@@ -184,9 +184,8 @@ dds_return_t ros2_announce(dds_entity_t participant, const Ros2Node& node) {
   for (std::size_t i = 0; i < node.reader_count; ++i) readers[i] = gid_of(node.readers[i]);
   for (std::size_t i = 0; i < node.writer_count; ++i) writers[i] = gid_of(node.writers[i]);
   rmw_dds_common_msg_dds__NodeEntitiesInfo_ entities{};
-  char space[] = "/";
-  entities.node_namespace = space;
-  entities.node_name = const_cast<char*>(node.name);  // Cyclone's C types have no const: it only reads what is written
+  std::snprintf(entities.node_namespace, sizeof entities.node_namespace, "/");
+  std::snprintf(entities.node_name, sizeof entities.node_name, "%s", node.name);
   entities.reader_gid_seq._buffer = readers;
   entities.reader_gid_seq._length = static_cast<std::uint32_t>(node.reader_count);
   entities.writer_gid_seq._buffer = writers;

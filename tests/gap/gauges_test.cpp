@@ -9,6 +9,7 @@
 #include "effects/effect_info.hpp"
 #include "tests/gap/synthetic.hpp"
 #include "tiller/config.hpp"
+#include "tools/base/frame_names.hpp"
 #include "tools/gap/pipeline/gap.hpp"
 
 namespace tiller::tools::gap {
@@ -69,6 +70,73 @@ TEST(Gauges, KnowWhatTheJointsTellTheRateOf) {
   EXPECT_TRUE(joints_tell_rate(arm, arm.state_names[arm.joints[0].position]));
   EXPECT_FALSE(joints_tell_rate(arm, arm.state_names[arm.joints[0].velocity]));
   EXPECT_TRUE(joints_tell_rate(arm, "tip_x_m"));
+}
+
+constexpr double kArm_m = 0.4, kAngle_rad = 0.3;  // where the frame stands on the swing, and how it is turned
+
+/// A swing on a slide, with a frame on it that turns with the swing.
+const tiller_model_t& swing_on_a_slide() {
+  static const char* const states[] = {"slide_m", "swing_rad", "slide_m_s", "swing_rad_s"};
+  static const char* const inputs[] = {"slide_N"};
+  static const char* const forces[] = {"slide_N", "swing_Nm"};
+  static const tiller_joint_t joints[] = {{"slide", 0, 2, 0, 1}, {"swing", 1, 3, 1, 0}};
+  static const auto names = frame_output_names("imu");
+  static const char* output_names[12];
+  for (std::size_t i = 0; i < 12; ++i) output_names[i] = names[i].c_str();
+  static tiller_model_t model{};
+  model.size = sizeof model;
+  model.version = TILLER_MODEL_VERSION;
+  model.name = "swing on a slide";
+  model.state_count = 4;
+  model.input_count = 1;
+  model.joint_count = 2;
+  model.state_names = states;
+  model.input_names = inputs;
+  model.force_names = forces;
+  model.joints = joints;
+  model.dynamics = [](const double*, const double*, const double*, const tiller_body_t*, const double*, double*) {};
+  model.output_count = 12;
+  model.output_names = output_names;
+  model.outputs = [](const double* x, const double*, double* y) {
+    const double a = x[1], b = a + kAngle_rad;
+    const double pose[] = {x[0] + kArm_m * std::cos(a), 0, kArm_m * std::sin(a), std::cos(b), 0, -std::sin(b), 0, 1, 0,
+                           std::sin(b), 0, std::cos(b)};
+    std::copy(std::begin(pose), std::end(pose), y);
+  };
+  return model;
+}
+
+// Against the kinematics by hand: the slide's acceleration and the swing's, radial and across, turned into the frame,
+// and gravity with them.
+TEST(Gauges, AnAccelerometerTurnsWithItsFrameAndFeelsGravity) {
+  tiller::Config config;
+  tiller_config_default(&config, &swing_on_a_slide());
+  config.body.gravity_x_m_s2 = 1.0;  // on a slope
+  config.body.gravity_z_m_s2 = -9.0;
+  GridSensor along = sensor("imu_x_m", 2), upwards = sensor("imu_z_m", 2);
+  along.is.accelerometer = upwards.is.accelerometer = true;
+  const Gauges gauges(config, {along, upwards});
+  EXPECT_EQ(gauges.before(0), 1u);
+  constexpr double kPeriod_s = 0.002;
+  double path[8];
+  for (std::size_t k = 0; k < 2; ++k) {
+    const double t = 0.3 + static_cast<double>(k) * kPeriod_s;
+    const double at[] = {0.2 * std::sin(3 * t), 0.8 * std::sin(2 * t), 0.6 * std::cos(3 * t), 1.6 * std::cos(2 * t)};
+    std::copy(std::begin(at), std::end(at), path + 4 * k);
+  }
+  const double t = 0.3 + 0.5 * kPeriod_s, a = 0.8 * std::sin(2 * t), rate = 1.6 * std::cos(2 * t);
+  const double slide = -1.8 * std::sin(3 * t), turn = -3.2 * std::sin(2 * t), b = a + kAngle_rad;
+  const double x = slide - kArm_m * (turn * std::sin(a) + rate * rate * std::cos(a)) - 1.0;
+  const double z = kArm_m * (turn * std::cos(a) - rate * rate * std::sin(a)) + 9.0;
+  const double none[1] = {};
+  // a change over 2 ms stands for the slope at its middle: 1/24 of the third derivative times the square, 1e-6
+  EXPECT_NEAR(gauges.reading(0, path, 1, 1, none, 1, kPeriod_s), std::cos(b) * x + std::sin(b) * z, 2e-5);
+  EXPECT_NEAR(gauges.reading(1, path, 1, 1, none, 1, kPeriod_s), std::cos(b) * z - std::sin(b) * x, 2e-5);
+  // by the speeds, along the axis as it stands
+  double slope[4];
+  gauges.slope(0, path, none, slope);
+  EXPECT_NEAR(slope[2], std::cos(path[1] + kAngle_rad), 1e-6);
+  EXPECT_NEAR(slope[3], kArm_m * std::sin(kAngle_rad), 1e-6) << "across the arm, seen from the turned frame";
 }
 
 Synthetic cart(double accelerometer_sd) {

@@ -2,6 +2,7 @@
 
     faults_test.py TILLER ROBOT
 """
+import gc
 import math
 import pathlib
 import random
@@ -29,13 +30,18 @@ FAULT_AT, TICKS = 60, 200
 class Run:
     """tiller run, and the pendulum that it steers."""
 
-    def __init__(self, folder, *more, more_text=""):
-        text = small(ROBOT.read_text(encoding="utf-8")) + more_text
+    def __init__(self, folder, *more, more_text="", measured="{ sd = 0.002 }"):
+        text = small(ROBOT.read_text(encoding="utf-8")).replace("angle_rad = { sd = 0.002 }", f"angle_rad = {measured}")
+        text += more_text
         (folder / "robot.toml").write_text(text, encoding="utf-8")
         seconds = () if "--seconds" in more else ("--seconds", str(TICKS * 0.02))
-        command = [TILLER, "run", "robot.toml", "--transport", "ros2", "--arm", *seconds, *more]
+        self.command, self.folder = [TILLER, "run", "robot.toml", "--transport", "ros2", "--arm", *seconds, *more], folder
         self.link, self.angle, self.rate, self.commands = OverRos2(), 0.3, 0.0, []
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=folder)
+        self.start()
+
+    def start(self):
+        self.process = subprocess.Popen(self.command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+                                        cwd=self.folder)
 
     def tick(self, k, timeout_s=20.0, publish=None):
         """False: no answer."""
@@ -119,6 +125,62 @@ def repeated_stamp(folder):
     run.end(SAFE, "SAFE at", "sensor_stale", "answers sent again")
 
 
+def old_stamps(folder):
+    """The other side begins its clock again: none of its readings is newer than the last one."""
+    run = Run(folder, *LOCKSTEP)
+    for k in range(FAULT_AT):
+        run.tick(k)
+    for k in range(FAULT_AT - 1):
+        run.link.publish(k, 0.5)
+    run.end(SAFE, "SAFE at", "sensor_stale", "superseded")
+    must_be_zero(run.last[-3:])
+
+
+def two_publishers(folder):
+    """Another publisher of the topic, 1.5 rad away, half a period after each reading from now on."""
+    run = Run(folder, *LOCKSTEP, measured="{ sd = 0.002, rate_per_s = 20 }")
+    other = OverRos2()
+    for k in range(TICKS):
+        if not run.tick(k, 1.0):
+            break
+        if k >= FAULT_AT:
+            other.writer.write(ros2.JointState(ros2.stamp(10**9 + k * PERIOD_US * 1000 + 10**7), ["angle"],
+                                               [run.angle + 1.5]))
+    print(run.end(0, "sensor_jump"))
+
+
+def plant_restarts(folder):
+    """The other side's process dies and another one goes on where it stood: nothing is lost but time."""
+    run = Run(folder, "--lockstep", "--wait", "60", "--patience", "60")
+    for k in range(TICKS):
+        if k == FAULT_AT:
+            run.link = None
+            gc.collect()
+            run.link = OverRos2()
+        run.tick(k, 0.2)
+    run.end(0, "ended in ACTIVE")
+    return run.commands
+
+
+def controller_restarts(folder):
+    """SIGKILL: no command any more, from nobody else either. A new process takes the robot over as it finds it."""
+    run = Run(folder, *LOCKSTEP)
+    for k in range(FAULT_AT):
+        run.tick(k)
+    run.process.kill()
+    run.process.wait()
+    run.link.publish(FAULT_AT, run.angle)
+    if run.link.answer(FAULT_AT, 0.5) is not None:
+        sys.exit("a command of a process that is gone")
+    run.start()
+    k = FAULT_AT + 1
+    while not run.tick(k, 0.1):
+        k += 1
+    for k in range(k + 1, k + TICKS):
+        run.tick(k)
+    run.end(0, "ended in ACTIVE")
+
+
 def stamp_ahead(folder):
     """One reading an hour ahead: rejected, and nothing else."""
     run = Run(folder, *LOCKSTEP)
@@ -147,6 +209,15 @@ def publish_until_told(run, publish, words):
     lines = [line for line in told if "waiting for the first" in line]
     if run.process.returncode != REFUSED or words not in "".join(lines):
         sys.exit(f"ended with {run.process.returncode}:\n{''.join(told)}")
+
+
+def other_topic(folder):
+    node = ros2.Node()
+    writer = node.writer("joint_state", ros2.JointState)
+    run = Run(folder, "--lockstep", "--wait", "60")
+    run.link = None  # the right publisher
+    publish_until_told(run, lambda _: writer.write(ros2.JointState(ros2.stamp(10**9), ["angle"], [0.1])),
+                       "nobody publishes rt/joint_states in this domain")
 
 
 def other_joint(folder):
@@ -214,12 +285,14 @@ def clean(folder):
 
 def main():
     results = {}
-    for case in (clean, cut, not_a_number, repeated_stamp, stamp_ahead, other_joint, other_type, hostile):
+    for case in (clean, cut, not_a_number, repeated_stamp, old_stamps, stamp_ahead, two_publishers, plant_restarts,
+                 controller_restarts, other_topic, other_joint, other_type, hostile):
         with tempfile.TemporaryDirectory() as folder:
             results[case] = case(pathlib.Path(folder))
         print(f"{case.__name__}: as it must", flush=True)
-    if results[hostile] != results[clean]:
-        sys.exit("hostile messages changed the commands")
+    for harmless in (hostile, plant_restarts):
+        if results[harmless] != results[clean]:
+            sys.exit(f"{harmless.__name__} changed the commands")
 
 
 if __name__ == "__main__":

@@ -15,8 +15,10 @@ import tempfile
 import time
 
 import numpy as np
-from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication, BuiltinTopicDcpsSubscription
+from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication, BuiltinTopicDcpsSubscription, DcpsEndpoint
 from cyclonedds.core import Policy
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
 from rosbags.typesys import Stores, get_typestore
 
 import ros2_types as ros2
@@ -27,7 +29,8 @@ MESSAGES = {"sensor_msgs/msg/JointState": ros2.JointState, "sensor_msgs/msg/Imu"
             "nav_msgs/msg/Odometry": ros2.Odometry, "std_msgs/msg/Float64MultiArray": ros2.Float64MultiArray,
             "geometry_msgs/msg/PoseStamped": ros2.PoseStamped,
             "trajectory_msgs/msg/JointTrajectory": ros2.JointTrajectory,
-            "diagnostic_msgs/msg/DiagnosticArray": ros2.DiagnosticArray}
+            "diagnostic_msgs/msg/DiagnosticArray": ros2.DiagnosticArray,
+            "rmw_dds_common/msg/ParticipantEntitiesInfo": ros2.ParticipantEntitiesInfo}
 store, dice = get_typestore(Stores.ROS2_JAZZY), random.Random(1)
 SOURCE = pathlib.Path(__file__).parents[2] / "runtime/ros2/ros2_wire.cpp"
 
@@ -53,7 +56,8 @@ def value_of(kind):
     pairs = [value_of(inner) for _ in range(count)]
     numbers = int(inner[0]) == 1 and inner[1][0] != "string"
     theirs = [pair[1] for pair in pairs]
-    return [pair[0] for pair in pairs], np.array(theirs, dtype=np.float64) if numbers else theirs
+    width = np.uint8 if inner[1][0] == "char" else np.float64
+    return [pair[0] for pair in pairs], np.array(theirs, dtype=width) if numbers else theirs
 
 
 def class_of(name):
@@ -115,6 +119,37 @@ def compare_announced():
     print("announced as rmw_cyclonedds does:", *sorted(WANTED))
 
 
+def compare_graph():
+    """The node and its endpoints, as `ros2 node list` and `ros2 node info` read them: told before anybody listened."""
+    with tempfile.TemporaryDirectory() as name:
+        run = Run(pathlib.Path(name), "--lockstep", "--wait", "60", "--goals", "ros2")
+        participant = run.link.node.participant
+        topic = Topic(participant, "ros_discovery_info", ros2.ParticipantEntitiesInfo)
+        reader, endpoints, nodes, participants = DataReader(participant, topic, qos=ros2.GRAPH), {}, {}, set()
+        known = [BuiltinDataReader(participant, kind)
+                 for kind in (BuiltinTopicDcpsPublication, BuiltinTopicDcpsSubscription)]
+        for _ in range(600):
+            for endpoint in [sample for one in known for sample in one.read(N=100)]:
+                if isinstance(endpoint, DcpsEndpoint):
+                    endpoints[endpoint.key.bytes] = endpoint.topic_name
+            for told in reader.take(N=10):
+                if isinstance(told, ros2.ParticipantEntitiesInfo):
+                    participants.add(bytes(told.gid.data))
+                    for node in told.node_entities_info_seq:
+                        nodes[node.node_namespace + node.node_name] = [
+                            {bytes(gid.data) for gid in gids} for gids in (node.reader_gid_seq, node.writer_gid_seq)]
+            if len(nodes) == 2 and all(gid in endpoints for sets in nodes.values() for gids in sets for gid in gids):
+                break
+            time.sleep(0.1)
+        run.process.kill()
+    named = {node: [sorted(endpoints[gid] for gid in gids) for gids in sets] for node, sets in nodes.items()}
+    wanted = {"/tiller_pendulum": [["rt/joint_states"], ["rt/diagnostics", "rt/pendulum/commands"]],
+              "/tiller_pendulum_goals": [["rt/pendulum/joint_trajectory"], []]}
+    if named != wanted or len(participants) != 2:
+        sys.exit(f"the graph has {named} of {len(participants)} participants, not {wanted}")
+    print("in the graph:", *sorted(named))
+
+
 def steer_by(topic, kind, source, message_of_angle):
     """The pendulum's angle out of another message: every field before it lies where it should, or it is wrong."""
     ticks, text = 40, f'\n[transport]\nkind = "ros2"\nsources = {{ angle_rad = "{source}" }}\n'
@@ -158,5 +193,6 @@ if __name__ == "__main__":
     compare_bytes()
     compare_hashes()
     compare_announced()
+    compare_graph()
     steer_by("odom", ros2.Odometry, "odometry:yaw", odometry_of)
     steer_by("imu", ros2.Imu, "imu:linear_acceleration.y", imu_of)
