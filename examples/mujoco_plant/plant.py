@@ -129,7 +129,8 @@ for name, value, unit in (("payload", 0.0, "KG"), ("friction", 0.0, "NM"), ("arm
 options = options.parse_args()
 with open(options.robot, "rb") as file: robot = tomllib.load(file)
 period_s, wiring = robot["model"]["period_s"], [split(key) for key in robot["measurement"]]
-m = load(options.description, {name for name, _ in wiring}, options.payload, options.frame)
+moving = {split(key)[0] for key in [*robot["measurement"], *robot["limits"], *robot["cost"]["target"]]}
+m = load(options.description, moving, options.payload, options.frame)
 m.dof_frictionloss[:] += options.friction
 m.dof_armature[m.dof_armature == 0.0] = options.armature
 d, noise = mujoco.MjData(m), np.random.default_rng(options.seed)
