@@ -16,7 +16,7 @@ struct Ros2Options {
   const char* joint_states = "joint_states";  ///< topics, of messages that a source names
   const char* imu = "imu";
   const char* odometry = "odom";
-  const char* commands = "";  ///< topic
+  const char* commands = "";    ///< topic
   const char* node = "tiller";  ///< name in ROS 2's graph: letters, digits and _
   std::uint32_t measurement_count = 0;
   std::uint32_t input_count = 0;

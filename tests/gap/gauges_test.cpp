@@ -99,8 +99,18 @@ const tiller_model_t& swing_on_a_slide() {
   model.output_names = output_names;
   model.outputs = [](const double* x, const double*, double* y) {
     const double a = x[1], b = a + kAngle_rad;
-    const double pose[] = {x[0] + kArm_m * std::cos(a), 0, kArm_m * std::sin(a), std::cos(b), 0, -std::sin(b), 0, 1, 0,
-                           std::sin(b), 0, std::cos(b)};
+    const double pose[] = {x[0] + kArm_m * std::cos(a),
+                           0,
+                           kArm_m * std::sin(a),
+                           std::cos(b),
+                           0,
+                           -std::sin(b),
+                           0,
+                           1,
+                           0,
+                           std::sin(b),
+                           0,
+                           std::cos(b)};
     std::copy(std::begin(pose), std::end(pose), y);
   };
   return model;

@@ -17,7 +17,8 @@ CHAIN = """<mujoco><option gravity="0 0 0" timestep="1e-4" integrator="RK4"/><co
 <body name="coupler" pos="0.1 0 0"><joint axis="0 1 0"/><geom fromto="0 0 0 0.25 0 0" mass="0.3"/>
 <body name="rocker" pos="0.25 0 0"><joint axis="0 1 0"/><geom fromto="0 0 0 0.2 0 0" mass="0.4"/>
 <site name="end" pos="0.2 0 0"/></body></body></body></worldbody>%s</mujoco>"""
-CONNECT = """<equality><connect body1="rocker" anchor="0.2 0 0" solref="0.002 1" solimp="0.9999 0.9999 0.001"/></equality>"""
+CONNECT = """<equality>
+<connect body1="rocker" anchor="0.2 0 0" solref="0.002 1" solimp="0.9999 0.9999 0.001"/></equality>"""
 PIVOT, SECONDS, STABILISE = np.array([0.22, 0.0, 0.0]), 0.5, 50.0
 m = mujoco.MjModel.from_xml_string(CHAIN % "")
 d = mujoco.MjData(m)
@@ -103,7 +104,8 @@ def main():
     lightest = 1 / np.linalg.eigvalsh(slope @ np.linalg.solve(inertia, slope.T)).max()
     for period in (0.01, 0.02):
         cranks, gap = run(exact, start, period, round(period / 1e-4), "rk4")
-        print(f"period {1e3 * period:g} ms: crank from {cranks.min():.2f} to {cranks.max():.2f} rad, gap {1e3 * gap:.1e} mm")
+        print(f"period {1e3 * period:g} ms: crank from {cranks.min():.2f} to {cranks.max():.2f} rad, "
+              f"gap {1e3 * gap:.1e} mm")
         if sys.argv[1:]:
             print(f"  MuJoCo's connect: crank within {1e3 * np.abs(of_mujoco(start, period) - cranks).max():.3f} mrad")
         for substeps in (1, 2, 4, 8, 16, 32, 64):

@@ -133,7 +133,7 @@ SENSED_JOINTS = ["pan", "lift", "reach", "swing"]
 
 
 def sensor_readings(mujoco, m, q, v, force):
-    """Accelerations of the joints and what every sensor reads, by column: "camera_x", or the name where it is one value."""
+    """Accelerations of the joints, and what every sensor of one or three values reads: by name, or "camera_x"."""
     d = mujoco.MjData(m)
     for name, position, speed, push in zip(SENSED_JOINTS, q, v, force):
         j = m.joint(name).id
@@ -162,7 +162,8 @@ def write_sensors(mujoco, folder):
 
 
 def sensors_as_stored(mujoco, folder):
-    difference = same(compiled(folder, "sensors.xml"), json.loads((folder / "sensors.json").read_text(encoding="utf-8")))
+    stored = json.loads((folder / "sensors.json").read_text(encoding="utf-8"))
+    difference = same(compiled(folder, "sensors.xml"), stored)
     assert difference is None, difference
     m = mujoco.MjModel.from_xml_path(str(folder / "sensors.xml"))
     m.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)

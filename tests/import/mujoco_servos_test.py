@@ -1,4 +1,4 @@
-"""mujoco_servos_test.py TILLER SOURCE: what examples/mujoco_plant/plant.py --servos makes of goals, in lockstep over LCM.
+"""mujoco_servos_test.py TILLER SOURCE: what examples/mujoco_plant/plant.py --servos makes of goals, in lockstep.
 
 The robot is tests/import/servos.xml, imported with --servos; in the controller's place stands a constant command, the
 targets of the robot file. MuJoCo's own actuators bring the joints there. Without --servos the same numbers are forces,

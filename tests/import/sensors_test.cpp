@@ -121,14 +121,15 @@ TEST(Sensors, EntriesForLogsReadWhatMuJoCosSensorsDo) {
 }
 
 TEST(Sensors, JointsWithSensorsAreMeasured) {
-  expect_in(robot_file(),
-            "[measurement]\n"
-            "pan_rad = { sd = 0.001 }\n"
-            "lift_rad = { sd = 0.0005 }   # the description states no noise\n"
-            "reach_m = { sd = 0.0002 }\n"
-            "lift_rad_s = { sd = 0.02 }\n"
-            "reach_m_s = { sd = 0.014 }   # the description states no noise\n"
-            "# the description has no sensor of swing, whose motion shows in the others' alone; an encoder: swing_rad = ");
+  expect_in(
+      robot_file(),
+      "[measurement]\n"
+      "pan_rad = { sd = 0.001 }\n"
+      "lift_rad = { sd = 0.0005 }   # the description states no noise\n"
+      "reach_m = { sd = 0.0002 }\n"
+      "lift_rad_s = { sd = 0.02 }\n"
+      "reach_m_s = { sd = 0.014 }   # the description states no noise\n"
+      "# the description has no sensor of swing, whose motion shows in the others' alone; an encoder: swing_rad = ");
   expect_in(robot_file(), "rates = true ");
   expect_in(robot_file(), "sensors.lift_rad_s = { sd = 0.01 }");
   expect_in(robot_file(), "column = \"accelerometer_z\", of = \"imu_z_m\", accelerometer = true, sd = 0.2");
@@ -187,14 +188,15 @@ TEST(Sensors, ChangesOfTheFileShow) {
             "sensor pan_encoder (jointpos): joint 'toy_joint' is no part of the robot");
   MechanismOptions held;
   held.held = {{"reach", 0.0}};
-  expect_in(placed(arm(), 64, held).left_out, "sensor reach_scale (jointpos): joint 'reach' does not move in the model");
+  expect_in(placed(arm(), 64, held).left_out,
+            "sensor reach_scale (jointpos): joint 'reach' does not move in the model");
   expect_in(placed(changed([](Json& j) {
-                     j["equalities"].push_back({{"name", "belt"},
-                                                {"type", "joint"},
-                                                {"active", true},
-                                                {"data", {0, 2, 0, 0, 0}},
-                                                {"joints", {"lift", "pan"}}});
-                   })).left_out,
+              j["equalities"].push_back({{"name", "belt"},
+                                         {"type", "joint"},
+                                         {"active", true},
+                                         {"data", {0, 2, 0, 0, 0}},
+                                         {"joints", {"lift", "pan"}}});
+            })).left_out,
             "sensor lift_encoder (jointpos): joint 'lift' follows 'pan'");
 
   // a gyroscope and one frame fit, nothing else does

@@ -35,7 +35,8 @@ class Run:
         text = text.replace("\nangle_rad = { sd = 0.002 }", f"\nangle_rad = {measured}", 1)
         (folder / "robot.toml").write_text(text, encoding="utf-8")
         seconds = () if "--seconds" in more else ("--seconds", str(TICKS * 0.02))
-        self.command, self.folder = [TILLER, "run", "robot.toml", "--transport", "ros2", "--arm", *seconds, *more], folder
+        self.command = [TILLER, "run", "robot.toml", "--transport", "ros2", "--arm", *seconds, *more]
+        self.folder = folder
         self.link, self.angle, self.rate, self.commands = OverRos2(), 0.3, 0.0, []
         self.start()
 
@@ -139,7 +140,7 @@ def old_stamps(folder):
 
 
 def two_publishers(folder):
-    """Another publisher of the topic, 1.5 rad away, half a period after each reading from now on: the jumps are refused."""
+    """Another publisher, 1.5 rad away, half a period after each reading from now on: the jumps are refused."""
     run = Run(folder, *LOCKSTEP, "--log", "run.csv", measured="{ sd = 0.002, rate_per_s = 20 }")
     other = OverRos2()
     for k in range(TICKS):

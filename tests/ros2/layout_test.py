@@ -15,7 +15,8 @@ import tempfile
 import time
 
 import numpy as np
-from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication, BuiltinTopicDcpsSubscription, DcpsEndpoint
+from cyclonedds.builtin import (BuiltinDataReader, BuiltinTopicDcpsPublication, BuiltinTopicDcpsSubscription,
+                                DcpsEndpoint)
 from cyclonedds.core import Policy
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic

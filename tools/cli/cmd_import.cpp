@@ -458,8 +458,8 @@ int import_command(Options& o) {
     return complain_all(errors);
   const int payload = frames.empty() ? -1 : frames.front();
   const ModelSensors sensors =
-      place_sensors(description, name_model(mechanism), TILLER_MAX_OUTPUTS - 12 * frames.size() - distances.outputs.size(),
-                    mechanism, frames);
+      place_sensors(description, name_model(mechanism),
+                    TILLER_MAX_OUTPUTS - 12 * frames.size() - distances.outputs.size(), mechanism, frames);
   judge_unknowns(o, payload, mechanism, unknowns);
   return write_files(o, options, description, mechanism, unknowns, frames, spheres, distances, sensors);
 }

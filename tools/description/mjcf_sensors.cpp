@@ -85,8 +85,8 @@ bool find_target(const Json& json, SensorText& sensor, const Description& robot,
     why = "it is attached to a " + of + "; put a site there";
     return false;
   }
-  const auto site = std::find_if(robot.frames.begin(), robot.frames.end(),
-                                 [&](const FrameText& f) { return f.name == target; });
+  const auto site =
+      std::find_if(robot.frames.begin(), robot.frames.end(), [&](const FrameText& f) { return f.name == target; });
   const bool is_there = sensor.on_link ? std::any_of(robot.links.begin(), robot.links.end(),
                                                      [&](const LinkText& l) { return l.name == target; })
                                        : site != robot.frames.end();
@@ -118,7 +118,8 @@ void read_sensors(const Json& compiled, Description& robot) {
     else
       robot.left_out.push_back("sensor " + sensor.name + " (" + sensor.kind + "): " + why);
     if (is_read && (json.at("cutoff").get<double>() > 0.0 || json.at("delay").get<double>() > 0.0))
-      robot.left_out.push_back("sensor " + sensor.name + ": its cutoff and delay are not read; of a delay, see the effect "
+      robot.left_out.push_back("sensor " + sensor.name +
+                               ": its cutoff and delay are not read; of a delay, see the effect "
                                "sensor_delay");
   }
 }

@@ -389,11 +389,12 @@ class Builder {
       const int a = body_of(tie.link_a), b = body_of(tie.link_b);
       if (a == b) continue;
       const MovingBody& last = raw_[static_cast<std::size_t>(std::max(a, b))].body;
-      error(0, tie.kind + " '" + tie.name + "' ties link '" + tie.link_a + "' to '" + tie.link_b +
-                   "': a closed chain is no tree; take it out, or hold the joints between them, for example --hold " +
-                   last.joint +
-                   ", or where the others' positions are straight lines of one joint's (a parallelogram) couple them by "
-                   "<equality><joint>, which is exact");
+      error(0,
+            tie.kind + " '" + tie.name + "' ties link '" + tie.link_a + "' to '" + tie.link_b +
+                "': a closed chain is no tree; take it out, or hold the joints between them, for example --hold " +
+                last.joint +
+                ", or where the others' positions are straight lines of one joint's (a parallelogram) couple them by "
+                "<equality><joint>, which is exact");
     }
   }
 

@@ -154,13 +154,13 @@ class Equations {
           point.kind == MotionOutput::Kind::moving
               ? v.linear + cross(v.angular, Vec3<Expression>{Expression(p[0]), Expression(p[1]), Expression(p[2])})
               : v.angular;
-      const Vec3<Expression> in_base = point.kind == MotionOutput::Kind::turning_in_base
-                                           ? tree.direction(point.body, along)
-                                           : Vec3<Expression>{};
+      const Vec3<Expression> in_base =
+          point.kind == MotionOutput::Kind::turning_in_base ? tree.direction(point.body, along) : Vec3<Expression>{};
       for (int k = 0; k < 3; ++k)
-        out.push_back(point.kind == MotionOutput::Kind::turning_in_base
-                          ? in_base[at(k)]
-                          : dot(Vec3<Expression>{Expression(r(0, k)), Expression(r(1, k)), Expression(r(2, k))}, along));
+        out.push_back(
+            point.kind == MotionOutput::Kind::turning_in_base
+                ? in_base[at(k)]
+                : dot(Vec3<Expression>{Expression(r(0, k)), Expression(r(1, k)), Expression(r(2, k))}, along));
     }
     return out;
   }
@@ -653,8 +653,8 @@ std::string outputs_text(const Source& s, const std::vector<int>& told, const Sp
     }
   return "\n" + fields_text("Output", outputs) + "\n  /// Poses of frames in the base's axes" +
          (spheres.outputs.empty() ? std::string() : ", distances of spheres' centres") +
-         (motions.empty() ? "" : ", what gyroscopes and the like read") + ": " +
-         std::to_string(operations) + " operations.\n  static Output outputs([[maybe_unused]] const State& x" +
+         (motions.empty() ? "" : ", what gyroscopes and the like read") + ": " + std::to_string(operations) +
+         " operations.\n  static Output outputs([[maybe_unused]] const State& x" +
          (s.has_params() ? ", [[maybe_unused]] const Params& p" : std::string()) + ") {\n    using tiller::sincos;\n" +
          (spheres.outputs.empty() ? "" : "    using tiller::sqrt;\n") + code + "    return {" +
          listed(values, "            ") + "};\n  }\n";

@@ -179,8 +179,8 @@ class RobotText {
     for (std::size_t j = 0; j < joints(); ++j)
       if (!(measured_sd(j, false) > 0.0) && !(measured_sd(j, true) > 0.0))
         out_ += "# the description has no sensor of " + names_.joints[j] +
-                ", whose motion shows in the others' alone; an encoder: " + names_.positions[j] + " = { sd = " +
-                number_text(encoder_sd(j)) + " }\n";
+                ", whose motion shows in the others' alone; an encoder: " + names_.positions[j] +
+                " = { sd = " + number_text(encoder_sd(j)) + " }\n";
     const bool touches = !mechanism_.contacts.empty();
     out_ +=
         "\n[noise]\n# what the equations do not know: " +
@@ -225,7 +225,8 @@ class RobotText {
   std::string unstated(std::size_t joint, bool speed) const {
     const ModelSensors& sensors = extras_.sensors;
     if (sensors.position_sd.empty()) return "";
-    return (speed ? sensors.velocity_sd : sensors.position_sd)[joint] == 0.0 ? "   # the description states no noise" : "";
+    return (speed ? sensors.velocity_sd : sensors.position_sd)[joint] == 0.0 ? "   # the description states no noise"
+                                                                             : "";
   }
   bool measures_speeds() const {
     for (std::size_t j = 0; j < joints(); ++j)
@@ -242,9 +243,8 @@ class RobotText {
     for (const LoggedSensor& s : extras_.sensors.logged)
       out_ += "#   { column = \"" + s.column + "\", of = \"" + s.of + "\"" +
               (s.derivative > 0 ? ", derivative = " + std::to_string(s.derivative) : "") +
-              (s.accelerometer ? ", accelerometer = true" : "") + ", sd = " +
-              (s.sd > 0.0 ? number_text(s.sd) : "...") + (s.zero != 0.0 ? ", zero = " + number_text(s.zero) : "") + " },   # " +
-              s.unit + "\n";
+              (s.accelerometer ? ", accelerometer = true" : "") + ", sd = " + (s.sd > 0.0 ? number_text(s.sd) : "...") +
+              (s.zero != 0.0 ? ", zero = " + number_text(s.zero) : "") + " },   # " + s.unit + "\n";
     out_ += "# ]\n\n";
   }
 

@@ -21,8 +21,7 @@ class Placer {
   ModelSensors place() {
     for (const SensorText& sensor : robot_.sensors) {
       const std::string why = sensor.joint.empty() ? at_a_point(sensor) : at_a_joint(sensor);
-      if (!why.empty())
-        mechanism_.left_out.push_back("sensor " + sensor.name + " (" + sensor.kind + "): " + why);
+      if (!why.empty()) mechanism_.left_out.push_back("sensor " + sensor.name + " (" + sensor.kind + "): " + why);
     }
     measure_base();
     return out_;
@@ -40,8 +39,8 @@ class Placer {
       return "joint '" + sensor.joint + "' follows '" + mechanism_.bodies[at(body->mimics)].joint +
              "'; measure that one, or convert the reading before it is sent";
     const auto index = static_cast<int>(body - mechanism_.bodies.begin());
-    const auto j = static_cast<std::size_t>(std::find(names_.bodies.begin(), names_.bodies.end(), index) -
-                                            names_.bodies.begin());
+    const auto j =
+        static_cast<std::size_t>(std::find(names_.bodies.begin(), names_.bodies.end(), index) - names_.bodies.begin());
     out_.position_sd.resize(names_.joints.size(), NAN);
     out_.velocity_sd.resize(names_.joints.size(), NAN);
     double& sd = (sensor.kind == "jointpos" ? out_.position_sd : out_.velocity_sd)[j];

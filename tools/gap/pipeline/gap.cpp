@@ -146,8 +146,10 @@ std::string sensors_note(const std::vector<Grid>& grids) {
     if (!words.empty()) break;
     for (const GridSensor& sensor : grid.sensor)
       words.push_back(sensor.is.column + " (" + sensor.is.of +
-                      (sensor.is.accelerometer ? ", accelerometer" : sensor.is.derivative > 0
-                           ? ", derivative " + std::to_string(sensor.is.derivative) : "") + ")");
+                      (sensor.is.accelerometer    ? ", accelerometer"
+                       : sensor.is.derivative > 0 ? ", derivative " + std::to_string(sensor.is.derivative)
+                                                  : "") +
+                      ")");
   }
   return "The logs' further sensors count as the robot's own do: " + join(words) + ".";
 }
