@@ -1,7 +1,7 @@
 #pragma once
 
-// A row of n doubles in registers, n known: the arithmetic of small matrices, row by row. Cut into pieces of 8, 4, 2
-// and 1 that the compiler maps to what the instruction set has.
+// A row of n doubles in registers, n known: the arithmetic of small matrices, row by row. Cut into pieces of
+// 8, 4, 2 and 1, no wider than the registers.
 
 #include <cstring>
 
@@ -12,7 +12,19 @@ TILLER_ISA_NAMESPACE_BEGIN
 
 namespace lq {
 
-constexpr int piece_of(int n) { return n >= 8 ? 8 : n >= 4 ? 4 : n >= 2 ? 2 : 1; }
+/// Wider than its registers GCC takes a vector through the stack, entry by entry.
+#if defined(__AVX512F__)
+constexpr int kWidestPiece = 8;
+#elif defined(__AVX__)
+constexpr int kWidestPiece = 4;
+#else
+constexpr int kWidestPiece = 2;
+#endif
+constexpr int piece_of(int n) {
+  int piece = kWidestPiece;
+  while (piece > n) piece /= 2;
+  return piece;
+}
 
 template <int n, bool kOnePiece = piece_of(n) == n>
 struct Row;

@@ -6,6 +6,7 @@
 
 #include "rollout/lq_row.hpp"
 #include "rollout/lq_stage.hpp"
+#include "rollout/lq_tiles.hpp"
 
 TILLER_ISA_NAMESPACE_BEGIN
 
@@ -25,31 +26,6 @@ struct ScenarioSweep {
     TILLER_INLINE int m() const { return kInputs ? kInputs : inputs; }
   };
 
-  /// w entries of a sum of rows, in registers: out += sum_k s[k stride] rows[k pitch ...]. Two chains: half the
-  /// latency.
-  template <int w>
-  static TILLER_INLINE void add_piece(const double* s, std::size_t stride, const double* rows, std::size_t pitch,
-                                      int count, double* out) {
-    Row<w> even = Row<w>::load(out), odd = Row<w>::zero();
-    int k = 0;
-    for (; k + 1 < count; k += 2, s += 2 * stride, rows += 2 * pitch) {
-      even.add(s[0], Row<w>::load(rows));
-      odd.add(s[stride], Row<w>::load(rows + pitch));
-    }
-    if (k < count) even.add(s[0], Row<w>::load(rows));
-    even.add(odd);
-    even.store(out);
-  }
-  /// The same for entries from..width of the rows, wide pieces first.
-  static void add_rows(const double* s, std::size_t stride, const double* rows, std::size_t pitch, int count, int width,
-                       double* out, int from = 0) {
-    int j = from;
-    for (; j + 16 <= width; j += 16) add_piece<16>(s, stride, rows + j, pitch, count, out + j);
-    if (j + 8 <= width) add_piece<8>(s, stride, rows + j, pitch, count, out + j), j += 8;
-    if (j + 4 <= width) add_piece<4>(s, stride, rows + j, pitch, count, out + j), j += 4;
-    if (j + 2 <= width) add_piece<2>(s, stride, rows + j, pitch, count, out + j), j += 2;
-    if (j < width) add_piece<1>(s, stride, rows + j, pitch, count, out + j);
-  }
   static TILLER_INLINE void copy(const double* row, int width, double* out) {
     for (int j = 0; j < width; ++j) out[j] = row ? row[j] : 0.0;
   }
@@ -66,42 +42,58 @@ struct ScenarioSweep {
       for (std::size_t i = 0; i < s; ++i) value[i * s + i] += p.state_diagonal[k * s + i];
   }
 
-  /// out (rows of n) = for each scenario j, in_j a_j
-  static TILLER_INLINE void times_blocks(const double* in, const double* a, const Sizes& z, double* out) {
+  /// value (s x s) := its upper half, mirrored, with blocks of qxx and the additions to its diagonal
+  static void add_blocks(const LqProblem& p, const Sizes& z, std::size_t k, double* value) {
     const int n = z.n();
-    for (int j = 0; j < z.count; ++j) {
-      double* row = out + j * n;
-      copy(nullptr, n, row);
-      add_rows(in + j * n, 1, a + j * n * n, n, n, n, row);
+    const std::size_t s = static_cast<std::size_t>(z.stack);
+    const double* block = p.qxx + k * s * n;
+    for (int i = 0; i < z.stack; ++i, block += n) {
+      double* row = value + static_cast<std::size_t>(i) * s;
+      const int first = i / n * n;
+      for (int c = i - first; c < n; ++c) row[first + c] += block[c];
+      if (p.state_diagonal) row[i] += p.state_diagonal[k * s + static_cast<std::size_t>(i)];
     }
+    for (std::size_t i = 1; i < s; ++i)
+      for (std::size_t j = 0; j < i; ++j) value[i * s + j] = value[j * s + i];
   }
 
   /// carried = p + P c; force = qu + b' carried
   static void gradients(const LqProblem& p, const LqFactor& f, const Sizes& z, std::size_t k, double* carried) {
-    const std::size_t s = static_cast<std::size_t>(z.stack);
-    const int m = z.m();
-    copy(f.slope + (k + 1) * s, z.stack, carried);
-    if (p.c) add_rows(p.c + k * s, 1, f.value + (k + 1) * s * s, s, z.stack, z.stack, carried);
-    double* force = f.force + k * m;
-    copy(p.qu + k * m, m, force);
-    add_rows(carried, 1, p.b + k * s * m, m, z.stack, m, force);
+    const std::size_t s = static_cast<std::size_t>(z.stack), m = static_cast<std::size_t>(z.m());
+    const Product drift = {p.c ? p.c + k * s : nullptr, 0, 1, f.value + (k + 1) * s * s, s, z.stack};
+    multiply(&drift, p.c ? 1 : 0, 0, 1, 0, z.stack, f.slope + (k + 1) * s, 0, carried, 0);
+    const Product push = {carried, 0, 1, p.b + k * s * m, m, z.stack};
+    multiply(&push, 1, 0, 1, 0, z.m(), p.qu + k * m, 0, f.force + k * m, 0);
   }
   /// slope = qx + a' carried + carry' step, once the step is known
   static void slope(const LqProblem& p, const LqFactor& f, const Sizes& z, std::size_t k, const double* carried) {
-    const std::size_t s = static_cast<std::size_t>(z.stack);
-    const int m = z.m(), n = z.n();
-    double* out = f.slope + k * s;
-    copy(p.qx + k * s, z.stack, out);
-    for (int j = 0; j < z.count; ++j)
-      add_rows(carried + j * n, 1, p.a + (k * s + static_cast<std::size_t>(j * n)) * n, n, n, n, out + j * n);
-    add_rows(f.step + k * m, 1, f.carry + k * m * s, s, m, z.stack, out);
+    const std::size_t s = static_cast<std::size_t>(z.stack), m = static_cast<std::size_t>(z.m()),
+                      n = static_cast<std::size_t>(z.n());
+    for (int j = 0; j < z.count; ++j) {
+      const std::size_t at = static_cast<std::size_t>(j) * n;
+      const Product sum[2] = {{carried + at, 0, 1, p.a + (k * s + at) * n, n, z.n()},
+                              {f.step + k * m, 0, 1, f.carry + k * m * s + at, s, z.m()}};
+      multiply(sum, 2, 0, 1, 0, z.n(), p.qx + k * s + at, 0, f.slope + k * s + at, 0);
+    }
+  }
+
+  /// gain = -curvature^-1 carry
+  static void gains(const LqFactor& f, const Sizes& z, std::size_t k) {
+    const std::size_t s = static_cast<std::size_t>(z.stack), m = static_cast<std::size_t>(z.m());
+    const std::int8_t* held = f.held ? f.held + k * m : nullptr;
+    const double *l = f.cholesky + k * m * m, *carry = f.carry + k * m * s;
+    double* gain = f.gain + k * m * s;
+    if (z.stack >= kWidestPiece)
+      solve_tiles<kWidestPiece>(z.m(), z.stack, held, l, carry, gain);
+    else
+      stage_gain(z.m(), z.stack, held, l, carry, gain);
   }
 
   static bool factorise(const LqProblem& p, const LqFactor& f) {
     const Sizes z(p);
     const std::size_t s = static_cast<std::size_t>(z.stack), horizon = p.stands_from ? p.stands_from : p.horizon;
-    const int n = z.n(), m = z.m();
-    double *pa = f.scratch, *pb = pa + s * s, *carried = pb + static_cast<std::size_t>(m) * s;
+    const std::size_t n = static_cast<std::size_t>(z.n()), m = static_cast<std::size_t>(z.m());
+    double *pa = f.scratch, *pb = pa + s * s, *carried = pb + m * s;
     if (!p.stands_from) {
       set_blocks(p, z, horizon, f.value + horizon * s * s);
       copy(p.qx + horizon * s, z.stack, f.slope + horizon * s);
@@ -110,35 +102,33 @@ struct ScenarioSweep {
     for (std::size_t k = horizon; k-- > 0;) {
       const double *a = p.a + k * s * n, *b = p.b + k * s * m, *ahead = f.value + (k + 1) * s * s;
       double *value = f.value + k * s * s, *curvature = f.curvature + k * m * m, *carry = f.carry + k * m * s;
-      for (std::size_t i = 0; i < s; ++i) times_blocks(ahead + i * s, a, z, pa + i * s);
-      copy(p.qux ? p.qux + k * m * s : nullptr, m * z.stack, carry);
-      copy(nullptr, m * z.stack, pb);
-      for (int v = 0; v < m; ++v) {
-        add_rows(b + v, m, pa, s, z.stack, z.stack, carry + v * s);
-        add_rows(b + v, m, ahead, s, z.stack, z.stack, pb + v * s);
+      for (int j = 0; j < z.count; ++j) {
+        const std::size_t at = static_cast<std::size_t>(j) * n;
+        const Product onward = {ahead + at, s, 1, a + at * n, n, z.n()};
+        multiply(&onward, 1, 0, z.stack, 0, z.n(), nullptr, 0, pa + at, s);
       }
-      copy(p.quu + k * m * m, m * m, curvature);
-      for (int v = 0; v < m; ++v) {
-        add_rows(pb + v * s, 1, b, m, z.stack, m, curvature + v * m);
+      const Product crossed = {b, 1, m, pa, s, z.stack}, pulled = {b, 1, m, ahead, s, z.stack};
+      multiply(&crossed, 1, 0, z.m(), 0, z.stack, p.qux ? p.qux + k * m * s : nullptr, s, carry, s);
+      multiply(&pulled, 1, 0, z.m(), 0, z.stack, nullptr, 0, pb, s);
+      const Product bent = {pb, s, 1, b, m, z.stack};
+      multiply(&bent, 1, 0, z.m(), 0, z.m(), p.quu + k * m * m, m, curvature, m);
+      for (std::size_t v = 0; v < m; ++v)
         curvature[v * m + v] += p.regularisation + (p.input_diagonal ? p.input_diagonal[k * m + v] : 0.0);
-      }
       gradients(p, f, z, k, carried);
-      const std::int8_t* held = f.held ? f.held + k * m : nullptr;
-      good &= cholesky_free(m, held, curvature, f.cholesky + k * m * m);
-      stage_step(m, p, f, k, curvature, f.force + k * m, f.step + k * m);
-      stage_gain(m, z.stack, held, f.cholesky + k * m * m, carry, f.gain + k * m * s);
+      good &= cholesky_free(z.m(), f.held ? f.held + k * m : nullptr, curvature, f.cholesky + k * m * m);
+      stage_step(z.m(), p, f, k, curvature, f.force + k * m, f.step + k * m);
+      gains(f, z, k);
       slope(p, f, z, k, carried);
-      set_blocks(p, z, k, value);
-      for (int j = 0; j < z.count; ++j)
-        for (int r = 0; r < n; ++r) {
-          // from the diagonal on, rounded down to where registers begin: the other triangle is its image
-          const int at = j * n + r, from = at / 8 * 8;
-          double* row = value + at * s;
-          add_rows(a + j * n * n + r, n, pa + j * n * s, s, n, z.stack, row, from);
-          add_rows(carry + at, s, f.gain + k * m * s, s, m, z.stack, row, from);
-        }
-      for (std::size_t i = 1; i < s; ++i)
-        for (std::size_t j = 0; j < i; ++j) value[i * s + j] = value[j * s + i];
+      for (int j = 0; j < z.count; ++j) {
+        const std::size_t at = static_cast<std::size_t>(j) * n;
+        const Product sum[2] = {{a + at * n, 1, n, pa + at * s, s, z.n()},
+                                {carry + at, 1, s, f.gain + k * m * s, s, z.m()}};
+        // from the diagonal on, rounded down to where tiles begin: the other half is its image
+        for (int first = 0; first < z.n(); first += 8)
+          multiply(sum, 2, first, first + 8 < z.n() ? first + 8 : z.n(), (static_cast<int>(at) + first) / 8 * 8,
+                   z.stack, nullptr, 0, value + at * s, s);
+      }
+      add_blocks(p, z, k, value);
     }
     return good;
   }
@@ -181,8 +171,8 @@ struct ScenarioSweep {
     const Sizes z(p);
     const std::size_t s = static_cast<std::size_t>(z.stack);
     for (std::size_t k = 0; k <= p.horizon; ++k) {
-      copy(f.slope + k * s, z.stack, lambda + k * s);
-      add_rows(x + k * s, 1, f.value + k * s * s, s, z.stack, z.stack, lambda + k * s);
+      const Product bent = {x + k * s, 0, 1, f.value + k * s * s, s, z.stack};
+      multiply(&bent, 1, 0, 1, 0, z.stack, f.slope + k * s, 0, lambda + k * s, 0);
     }
   }
 

@@ -23,6 +23,7 @@
 #include "rollout/period_plan.hpp"
 #include "rollout/quaternion.hpp"
 #include "rollout/rollout.hpp"
+#include "rollout/sloped_effects.hpp"
 
 namespace tiller {
 
@@ -56,6 +57,12 @@ struct Stepper {
   using Force = typename Model::template Force<S>;
   using Params = typename Model::template Params<S>;
   using Value = typename ValueOf<S>::type;
+
+  /// Effects go by their own few arguments instead of all directions (sloped_effects.hpp).
+  static constexpr bool kSloped = Model::kKnowsSlopes && (IsDual<S>::directions > 8);
+  using ByArguments = SlopedEffects<Stepper>;
+  using ModelType = Model;
+  using Scalar = S;
 
   const Model model;
   const StepSetup& setup;
@@ -221,8 +228,11 @@ struct Stepper {
     constexpr int kList = static_cast<int>(Hook::body);
     for (int r = 0; r < kSets; ++r) {
       plan.body[r] = body;
-      for (std::uint32_t e = 0; e < slot_count[kList]; ++e)
-        called_body<S>(slots[kList][e].kind, plan.body[r], effect_params(p[r], slots[kList][e]));
+      if constexpr (kSloped)
+        ByArguments(*this).change(plan.body[r], p[r]);
+      else
+        for (std::uint32_t e = 0; e < slot_count[kList]; ++e)
+          called_body<S>(slots[kList][e].kind, plan.body[r], effect_params(p[r], slots[kList][e]));
     }
   }
   /// The rest of a plan: delays and the parts of substeps, an exponential for each lag and part. remembers: whether
@@ -359,6 +369,16 @@ struct Stepper {
   template <int kCount, int kSets>
   TILLER_INLINE void act(Trajectory<Model, S>* t, Input* u, Force* f, const Parameters<Model, S>* p,
                          const PartOfAll<Model, S>& part) const {
+    if constexpr (kSloped)
+      ByArguments(*this).act(*t, *u, *f, *p, part[0].step);
+    else
+      act_one_by_one<kCount, kSets>(t, u, f, p, part);
+    if (slot_count[static_cast<int>(Hook::joints)] > 0)
+      for (int r = 0; r < kCount; ++r) add_learnt(t[r].x, u[r], p[kSets == 1 ? 0 : r], f[r]);
+  }
+  template <int kCount, int kSets>
+  TILLER_INLINE void act_one_by_one(Trajectory<Model, S>* t, Input* u, Force* f, const Parameters<Model, S>* p,
+                                    const PartOfAll<Model, S>& part) const {
     for_effects<Hook::input>([&](auto effect, const EffectSlot& slot) TILLER_INLINED {
       at_port(inputs(), slot.port, [&](auto i) TILLER_INLINED {
         for (int r = 0; r < kCount; ++r) {
@@ -387,8 +407,6 @@ struct Stepper {
         }
       });
     });
-    if (slot_count[static_cast<int>(Hook::joints)] > 0)
-      for (int r = 0; r < kCount; ++r) add_learnt(t[r].x, u[r], p[kSets == 1 ? 0 : r], f[r]);
   }
 
   /// Forces of the network at all joints: its inputs as network_input_count() has them.
@@ -415,12 +433,15 @@ struct Stepper {
     });
   }
 
-  /// The same of a model that knows its slopes, on dual numbers: how the inverse inertia itself changes with the pose
+  /// An entry of the inverse inertia: without derivatives where respond_still() leaves them out.
+  using Share = std::conditional_t<kSloped, Value, S>;
+
+  /// Accelerations for unit forces of a model that knows its slopes, on dual numbers: how the inverse inertia itself changes with the pose
   /// is left out of derivatives. It would act through what reacts at the joints alone, to the second order of the step.
   template <class D>
   __attribute__((noinline)) void respond_still(const typename Model::template State<D>& x, const Body<D>& dual_body,
                                                const typename Model::template Params<D>& p,
-                                               D (*response)[Model::kMostForces]) const {
+                                               Share (*response)[Model::kMostForces]) const {
     using V = typename D::value_type;
     typename Model::template State<V> xv;
     typename Model::template Params<V> pv;
@@ -431,12 +452,12 @@ struct Stepper {
         xv, {dual_body.gravity_x_m_s2.v, dual_body.gravity_z_m_s2.v, dual_body.payload_kg.v, dual_body.payload_kgm2.v},
         pv, column);
     for (int j = 0; j < Model::kMostForces; ++j)
-      for (int i = 0; i < Model::kMostForces; ++i) response[j][i] = D(column[j][i]);
+      for (int i = 0; i < Model::kMostForces; ++i) response[j][i] = Share(column[j][i]);
   }
 
   /// Accelerations for unit forces at the joints where something reacts, in the middle of the step: the inertia at
   /// its start would cost an order. response[r][j][i]: of joint i for a force at j.
-  using Response = S[Model::kMostForces][Model::kMostForces];
+  using Response = Share[Model::kMostForces][Model::kMostForces];
   template <int kCount, int kSets>
   TILLER_INLINE void respond(Response* response, const State* begin, const Trajectory<Model, S>* t, const Input* u,
                              const Force* f, const Parameters<Model, S>* p, const Body<S>* bodies) const {
@@ -477,6 +498,13 @@ struct Stepper {
     if constexpr (kTracks) change_of(*moved);
   }
 
+  static TILLER_INLINE Share share_of(const S& parameter) {
+    if constexpr (kSloped)
+      return ValueOf<S>::of(parameter);
+    else
+      return parameter;
+  }
+
   /// More inertia at joints: the inverse inertia R loses J R_j R_j' / (1 + J R_jj) (Sherman and Morrison), and so do
   /// the accelerations of the free step and what later effects feel.
   template <int kCount, int kSets>
@@ -487,14 +515,15 @@ struct Stepper {
       const EffectSlot& slot = slots[kList][e];
       at_port(model.joints(), slot.port, [&](auto j) TILLER_INLINED {
         for (int r = 0; r < kCount; ++r) {
-          S column[Model::kMostForces];
+          Share column[Model::kMostForces];
           each(model.joints(), [&](auto i) { column[i] = response[r][j][i]; });
-          const S share = JointInertia<S>::per_acceleration(column[j], effect_params(p[kSets == 1 ? 0 : r], slot));
-          const S lost = share * (model.template velocity<S>(t[r].x, j) - model.template velocity<S>(begin[r], j));
-          each(model.joints(), [&](auto i) { change_velocity(t[r].x, i, -(column[i] * lost), part[r].step); });
+          const Share inertia = share_of(*effect_params(p[kSets == 1 ? 0 : r], slot));
+          const Share share = JointInertia<Share>::per_acceleration(column[j], &inertia);
+          const S lost = S(share) * (model.template velocity<S>(t[r].x, j) - model.template velocity<S>(begin[r], j));
+          each(model.joints(), [&](auto i) { change_velocity(t[r].x, i, -(S(column[i]) * lost), part[r].step); });
           each(model.joints(), [&](auto c) {
             if (!((reacting >> static_cast<int>(c)) & 1u)) return;
-            const S felt = share * response[r][c][j];
+            const Share felt = share * response[r][c][j];
             each(model.joints(), [&](auto i) { response[r][c][i] = response[r][c][i] - column[i] * felt; });
           });
         }
@@ -632,7 +661,10 @@ struct Stepper {
     Response response[kCount];
     run_stage([&]() TILLER_INLINED { respond<kCount, kSets>(response, begin, t, u, f, p, bodies); });
     run_stage([&]() TILLER_INLINED { weigh_down<kCount, kSets>(begin, t, response, p, part); });
-    run_stage([&]() TILLER_INLINED { react<kCount, kSets>(begin, t, u, goals, response, p, part); });
+    if constexpr (kSloped)
+      ByArguments(*this).react(*begin, *t, *u, *goals, *response, *p, part[0].step);
+    else
+      run_stage([&]() TILLER_INLINED { react<kCount, kSets>(begin, t, u, goals, response, p, part); });
     if constexpr (kCarries) carry_others<kCount, kSets>(end, t, u, f, p, bodies, part);
   }
   template <int kCount, int kSets>
