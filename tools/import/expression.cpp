@@ -304,13 +304,17 @@ class Emitter {
   Emitter(const ExpressionGraph& graph, std::string indent, int* operations)
       : nodes_(graph.nodes()), indent_(std::move(indent)), operations_(operations) {}
 
-  std::string run(const std::vector<std::int32_t>& outputs, std::vector<std::string>& values) {
+  /// targets: what each output is assigned to as soon as it is known; empty: nothing.
+  std::string run(const std::vector<std::int32_t>& outputs, const std::vector<std::string>& targets,
+                  std::vector<std::string>& values) {
+    for (std::size_t k = 0; k < targets.size(); ++k) targets_.emplace(outputs[k], targets[k]);
     uses_.assign(nodes_.size(), 0);
     for (const std::int32_t node : outputs) count(node);
     text_.resize(nodes_.size());
     rank_.assign(nodes_.size(), kAtom);
     for (std::size_t i = 0; i < nodes_.size(); ++i)
       if (uses_[i] > 0) place(static_cast<std::int32_t>(i));
+    for (const auto& [node, target] : targets_) assign(node, target);  // of what computes nothing
     values.clear();
     for (const std::int32_t node : outputs) values.push_back(text_[at(node)]);
     return code_;
@@ -380,13 +384,23 @@ class Emitter {
     Rank rank = spell(n, text);
     if (operations_ != nullptr) ++*operations_;
     // a text of its own where it is used again, and before it fills a line
-    if (uses_[at(id)] > 1 || text.size() > kLongest) {
+    const auto wanted = targets_.equal_range(id);
+    const int further = uses_[at(id)] - static_cast<int>(std::distance(wanted.first, wanted.second));
+    if (further > 1 || (further > 0 && wanted.first != wanted.second) || text.size() > kLongest) {
       const std::string name = "t" + std::to_string(next_++);
       code_ += indent_ + (is_condition_op(n.op) ? "const auto " : "const S ") + name + " = " + text + ";\n";
       text = name;
       rank = kAtom;
     }
     rank_[at(id)] = rank;
+    for (auto target = wanted.first; target != wanted.second; ++target) {
+      assign(id, target->second);
+      if (further == 0) text = target->second;
+    }
+    targets_.erase(wanted.first, wanted.second);
+  }
+  void assign(std::int32_t node, const std::string& target) {
+    code_ += indent_ + target + " = " + text_[at(node)] + ";\n";
   }
 
   std::string call(const ExpressionGraph::Node& n) const {
@@ -432,6 +446,7 @@ class Emitter {
   std::vector<int> uses_;
   std::vector<std::string> text_;
   std::vector<Rank> rank_;
+  std::multimap<std::int32_t, std::string> targets_;  // of nodes still to come
   std::string code_;
   int next_ = 1;
 };
@@ -443,7 +458,16 @@ std::string emit_code(ExpressionGraph& graph, const std::vector<Expression>& out
   std::vector<std::int32_t> nodes;
   nodes.reserve(outputs.size());
   for (const Expression& output : outputs) nodes.push_back(graph.node_of(output));
-  return Emitter(graph, indent, operations).run(nodes, values);
+  return Emitter(graph, indent, operations).run(nodes, {}, values);
+}
+
+std::string emit_assignments(ExpressionGraph& graph, const std::vector<Expression>& outputs,
+                             const std::vector<std::string>& targets, const std::string& indent, int* operations) {
+  std::vector<std::int32_t> nodes;
+  nodes.reserve(outputs.size());
+  for (const Expression& output : outputs) nodes.push_back(graph.node_of(output));
+  std::vector<std::string> values;
+  return Emitter(graph, indent, operations).run(nodes, targets, values);
 }
 
 std::vector<std::string> called_functions(const ExpressionGraph& graph, const std::vector<Expression>& outputs) {

@@ -3,26 +3,8 @@
 #include <vector>
 
 #include "tools/import/articulated_body.hpp"
-#include "tools/import/expression.hpp"
 
 namespace tiller::tools {
-
-/// An expression with its derivative along one direction. What does not depend on the direction has the constant 0.
-struct Slope {
-  Expression value, slope;
-
-  Slope() = default;
-  Slope(double constant) : value(constant) {}  // NOLINT(google-explicit-constructor): numbers are expressions
-  Slope(const Expression& of, const Expression& along) : value(of), slope(along) {}
-};
-inline Slope operator-(const Slope& a) { return {-a.value, -a.slope}; }
-inline Slope operator+(const Slope& a, const Slope& b) { return {a.value + b.value, a.slope + b.slope}; }
-inline Slope operator-(const Slope& a, const Slope& b) { return {a.value - b.value, a.slope - b.slope}; }
-inline Slope operator*(const Slope& a, const Slope& b) {
-  return {a.value * b.value, a.slope * b.value + a.value * b.slope};
-}
-inline Slope sin(const Slope& a) { return {sin(a.value), cos(a.value) * a.slope}; }
-inline Slope cos(const Slope& a) { return {cos(a.value), -(sin(a.value) * a.slope)}; }
 
 /// Forces of the joints (bodies) for accelerations of them: the recursion of Newton and Euler in the bodies' own frames
 /// (Featherstone 2008, chapter 5), by the steps from frame to frame that ArticulatedBody has.

@@ -7,7 +7,8 @@
 #include "tools/base/text.hpp"
 #include "tools/import/articulated_body.hpp"
 #include "tools/import/contact_law.hpp"
-#include "tools/import/inverse_dynamics.hpp"
+#include "tools/import/expression.hpp"
+#include "tools/import/force_slopes.hpp"
 #include "tools/import/model_text.hpp"
 
 namespace tiller::tools {
@@ -67,38 +68,22 @@ class Equations {
     return out;
   }
 
-  /// What accelerates the joints: their forces without what speeds and gravity take.
-  std::vector<Expression> pushes() {
+  /// Accelerations (joints), the inverse inertia's lower triangle, and the slopes of the joints' forces at these
+  /// accelerations, (joints x joints) by positions, then by speeds; row: force. Of a robot whose joints follow no others.
+  std::vector<Expression> slopes() {
     const std::size_t n = mechanism_.bodies.size();
-    const std::vector<Expression> taken = joint_forces<Expression>(
-        mechanism_, inertias(), positions(), speeds(), std::vector<Expression>(n, 0.0), base_acceleration());
-    std::vector<Expression> out = forces();
-    for (std::size_t i = 0; i < n; ++i) out[i] -= taken[i];
-    return out;
-  }
-
-  /// Slopes of the joints' forces at given accelerations ("acceleration[i]"): (joints x joints) by positions, then by
-  /// speeds; row: force.
-  std::vector<Expression> force_slopes() {
-    const std::size_t n = mechanism_.bodies.size();
-    std::vector<BodyInertia<Slope>> inertia;
-    for (const BodyInertia<Expression>& b : inertias()) inertia.push_back(constant(b));
-    const std::vector<Expression> q = positions(), v = speeds();
-    std::vector<Slope> acceleration;
-    for (std::size_t i = 0; i < n; ++i)
-      acceleration.push_back(still(graph.symbol("acceleration[" + std::to_string(i) + "]")));
-    const Vec3<Expression> base = base_acceleration();
-    std::vector<Expression> out(2 * n * n);
-    for (std::size_t along = 0; along < 2 * n; ++along) {
-      std::vector<Slope> position, speed;
-      for (std::size_t i = 0; i < n; ++i) {
-        position.push_back({q[i], i == along ? 1.0 : 0.0});
-        speed.push_back({v[i], i + n == along ? 1.0 : 0.0});
-      }
-      const std::vector<Slope> force = joint_forces<Slope>(mechanism_, inertia, position, speed, acceleration,
-                                                           {still(base[0]), still(base[1]), still(base[2])});
-      for (std::size_t i = 0; i < n; ++i) out[(along < n ? 0 : n * n) + i * n + along % n] = force[i].slope;
-    }
+    const std::vector<BodyInertia<Expression>> inertia = inertias();
+    ArticulatedBody<Expression> tree(mechanism_, inertia);
+    tree.place(positions());
+    tree.weigh();
+    const std::vector<Expression> found = tree.accelerate(speeds(), forces(), base_acceleration());
+    std::vector<Expression> out = found;
+    const std::vector<std::vector<Expression>> inverse = inverse_inertia(tree);
+    for (std::size_t r = 0; r < n; ++r) out.insert(out.end(), inverse[r].begin(), inverse[r].begin() + std::ptrdiff_t(r + 1));
+    const ForceSlopes<Expression> by =
+        SlopeRecursion<Expression>(mechanism_, inertia).slopes(positions(), speeds(), found, base_acceleration());
+    for (const auto* matrix : {&by.by_position, &by.by_speed})
+      for (const std::vector<Expression>& row : *matrix) out.insert(out.end(), row.begin(), row.end());
     return out;
   }
 
@@ -169,16 +154,6 @@ class Equations {
 
  private:
   static std::size_t at(int i) { return static_cast<std::size_t>(i); }
-  static Slope still(const Expression& x) { return {x, 0.0}; }
-  static BodyInertia<Slope> constant(const BodyInertia<Expression>& b) {
-    BodyInertia<Slope> out;
-    out.mass = still(b.mass);
-    for (int r = 0; r < 3; ++r) {
-      out.moment[at(r)] = still(b.moment[at(r)]);
-      for (int c = 0; c < 3; ++c) out.inertia(r, c) = still(b.inertia(r, c));
-    }
-    return out;
-  }
   /// Gravity as an acceleration of the base.
   Vec3<Expression> base_acceleration() {
     return {-graph.symbol("body.gravity_x_m_s2"), 0.0, -graph.symbol("body.gravity_z_m_s2")};
@@ -472,20 +447,31 @@ class Equations {
   ContactAnswer answer_;
 };
 
-/// The body of `slopes` behind the inverse inertia.
+std::string entry(const char* matrix, std::size_t row, std::size_t column) {
+  return std::string(matrix) + "[" + std::to_string(row) + "][" + std::to_string(column) + "]";
+}
+/// Where the entries of the inverse inertia's lower triangle go, and their images.
+std::vector<std::string> lower_entries(std::size_t joints) {
+  std::vector<std::string> targets;
+  for (std::size_t r = 0; r < joints; ++r)
+    for (std::size_t c = 0; c <= r; ++c)
+      targets.push_back(r == c ? entry("column", r, c) : entry("column", c, r) + " = " + entry("column", r, c));
+  return targets;
+}
+
+/// The body of `slopes`.
 std::string slopes_text(const Mechanism& mechanism, const Unknowns& unknowns, const ModelNames& n, int payload_frame,
                         int& operations) {
-  const std::string joints = std::to_string(n.joints.size());
-  int bias_operations = 0, slope_operations = 0;
-  std::vector<std::string> bias, slopes;
-  Equations statics(mechanism, unknowns, n, payload_frame);
-  std::string text = "    S force[" + joints + "];\n    {\n" +
-                     emit_code(statics.graph, statics.pushes(), "      ", bias, &bias_operations);
-  for (std::size_t j = 0; j < n.joints.size(); ++j)
-    text += "      force[" + std::to_string(j) + "] = " + bias[j] + ";\n";
-  text += "    }\n    for (int i = 0; i < " + joints + "; ++i) {\n      S sum = S(0.0);\n      for (int j = 0; j < " +
-          joints + "; ++j) sum = sum + column[j][i] * force[j];\n      acceleration[i] = sum;\n    }\n";
-  for (std::size_t j = 0; j < n.joints.size(); ++j) {
+  const std::size_t joints = n.joints.size();
+  std::vector<std::string> targets;
+  for (std::size_t j = 0; j < joints; ++j) targets.push_back("acceleration[" + std::to_string(j) + "]");
+  for (const std::string& place : lower_entries(joints)) targets.push_back(place);
+  for (const char* matrix : {"by_position", "by_speed"})
+    for (std::size_t r = 0; r < joints; ++r)
+      for (std::size_t c = 0; c < joints; ++c) targets.push_back(entry(matrix, r, c));
+  Equations equations(mechanism, unknowns, n, payload_frame);
+  std::string text = emit_assignments(equations.graph, equations.slopes(), targets, "    ", &operations);
+  for (std::size_t j = 0; j < joints; ++j) {
     std::string gain = n.input_of[j] < 0 ? "0.0" : "1.0";
     for (const ModelParameter& p : unknowns.parameters)
       if (p.kind == ModelParameter::Kind::gain &&
@@ -493,13 +479,6 @@ std::string slopes_text(const Mechanism& mechanism, const Unknowns& unknowns, co
         gain = "p." + p.name;
     text += "    input_gain[" + std::to_string(j) + "] = S(" + gain + ");\n";
   }
-  Equations turned(mechanism, unknowns, n, payload_frame);
-  text += emit_code(turned.graph, turned.force_slopes(), "    ", slopes, &slope_operations);
-  const std::size_t count = n.joints.size();
-  for (std::size_t k = 0; k < slopes.size(); ++k)
-    text += std::string("    ") + (k < count * count ? "by_position[" : "by_speed[") +
-            std::to_string(k % (count * count) / count) + "][" + std::to_string(k % count) + "] = " + slopes[k] + ";\n";
-  operations = bias_operations + slope_operations + static_cast<int>(2 * count * count);
   return text;
 }
 
@@ -597,15 +576,7 @@ std::string responses_text(const Source& s, int& operations) {
   std::vector<Expression> lower;
   for (std::size_t r = 0; r < joints; ++r)
     for (std::size_t c = 0; c <= r; ++c) lower.push_back(entries[r * joints + c]);
-  std::vector<std::string> columns;
-  std::string code = emit_code(inverse.graph, lower, "    ", columns, &operations);
-  std::size_t k = 0;
-  for (std::size_t r = 0; r < joints; ++r)
-    for (std::size_t c = 0; c <= r; ++c, ++k) {
-      const std::string place = "column[" + std::to_string(r) + "][" + std::to_string(c) + "]";
-      const std::string mirror = "column[" + std::to_string(c) + "][" + std::to_string(r) + "]";
-      code += "    " + (r == c ? place : mirror + " = " + place) + " = " + columns[k] + ";\n";
-    }
+  const std::string code = emit_assignments(inverse.graph, lower, lower_entries(joints), "    ", &operations);
   return "  /// The inverse inertia: " + std::to_string(operations) +
          " operations.\n"
          "  static void responses([[maybe_unused]] const State& x, [[maybe_unused]] const tiller::Body<S>& body,\n"
@@ -618,14 +589,13 @@ std::string slopes_function_text(const Source& s, const WrittenModel& out, const
   const std::string joints = std::to_string(s.joints());
   return "\n  /// Accelerations of the joints with what they follow from: the inverse inertia (column), and the slopes of the\n"
          "  /// joints' forces by positions and speeds at these accelerations. " +
-         std::to_string(out.slope_operations + out.response_operations) +
+         std::to_string(out.slope_operations) +
          " operations.\n"
          "  __attribute__((noinline)) static void slopes(const State& x, [[maybe_unused]] const Input& u, const Force& f,\n"
          "                     const tiller::Body<S>& body" +
          std::string(s.has_params() ? ", const Params& p" : "") + ", S* acceleration, S (*column)[" + joints +
          "],\n                     S (*by_position)[" + joints + "], S (*by_speed)[" + joints +
-         "], S* input_gain) {\n    responses(x, body, " + (s.has_params() ? "p, " : "") +
-         "column);\n    using tiller::sincos;\n" + code + "  }\n";
+         "], S* input_gain) {\n    using tiller::sincos;\n" + code + "  }\n";
 }
 
 // Poses of frames, distances of spheres and motions of points; nothing where there are none.

@@ -24,7 +24,7 @@ struct WrittenModel {
   int operations = 0;           ///< arithmetic of one call of the dynamics
   int response_operations = 0;  ///< of the inverse inertia
   int output_operations = 0;    ///< of the frames' poses and the spheres' distances
-  int slope_operations = 0;     ///< of the slopes beyond the inverse inertia
+  int slope_operations = 0;     ///< of the accelerations with their slopes and the inverse inertia
 };
 
 /// How a point of a body moves: three outputs, along the axes of a frame or of the base.
