@@ -31,6 +31,8 @@ extern "C" {
 void tiller_part_linearise(const tiller_model_t& model, const LineariseJob& job);
 void tiller_part_path_linearise(const tiller_model_t& model, const PathJob& job);
 void tiller_part_quadratise(const tiller_model_t& model, const QuadratiseJob& job);
+void tiller_part_jacobian(const double* x, const double* u, const double* f, const tiller_body_t* body, const double* p,
+                          double* a, double* b);
 }
 template <class ModelKernel>
 struct ExportedDerivatives {
@@ -38,6 +40,7 @@ struct ExportedDerivatives {
   static constexpr auto path_linearise = &tiller_part_path_linearise;
   static constexpr auto feedback = ModelKernel::kFeedback;  // has no dual numbers; so both parts take as long
   static constexpr auto quadratise = &tiller_part_quadratise;
+  static constexpr auto jacobian = &tiller_part_jacobian;
 };
 #else
 template <class ModelKernel>
@@ -54,7 +57,7 @@ struct ExportedModel {
   }
   static constexpr RolloutTable kTable = ModelKernel::template table<ExportedDerivatives<ModelKernel>>(isa);
   static constexpr ModelKernels kKernels = make_kernels();
-  static constexpr tiller_model_t kModel = ModelTable<Type>::make(&kKernels);
+  static constexpr tiller_model_t kModel = ModelTable<Type>::make(&kKernels, ExportedDerivatives<ModelKernel>::jacobian);
 };
 
 }  // namespace tiller
@@ -71,6 +74,11 @@ struct ExportedModel {
   }                                                                                \
   void tiller_part_quadratise(const tiller_model_t& m, const QuadratiseJob& job) { \
     __VA_ARGS__::Derivatives::quadratise(m, job);                                  \
+  }                                                                                \
+  void tiller_part_jacobian(const double* x, const double* u, const double* f,     \
+                            const tiller_body_t* body, const double* p, double* a, \
+                            double* b) {                                           \
+    __VA_ARGS__::Derivatives::jacobian(x, u, f, body, p, a, b);                    \
   }                                                                                \
   }                                                                                \
   }

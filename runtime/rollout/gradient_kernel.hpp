@@ -132,9 +132,9 @@ struct GradientKernel {
     const auto seeded = [&](const P& value, int direction) {
       return DualPass::seeded(value, direction, first_direction);
     };
-    each(Model::nx(), [&](auto i) { t.x[i] = seeded(state(i), i); });
+    each(Model::looped_nx(), [&](auto i) { element(t.x, i) = seeded(state(i), i); });
     for (int s = 0; s < ns; ++s) t.effect_state[s] = seeded(state(kStates + s), kStates + s);
-    each(Model::nu(), [&](auto i) { u[i] = seeded(control(i), nz + i); });
+    each(Model::looped_nu(), [&](auto i) { element(u, i) = seeded(control(i), nz + i); });
     DualPass::advance(stepper, t, u, p, nullptr);
 
     const auto put = [&](int row, const D& value) {
@@ -154,7 +154,7 @@ struct GradientKernel {
             job.b[(at.point[l] * n + row) * kInputs + direction - nz] = lanes[l];
       }
     };
-    each(Model::nx(), [&](auto i) { put(i, t.x[i]); });
+    each(Model::looped_nx(), [&](auto i) { put(i, element(t.x, i)); });
     for (int s = 0; s < ns; ++s) put(kStates + s, t.effect_state[s]);
   }
 
@@ -283,13 +283,14 @@ struct GradientKernel {
   }
 
   static void feedback(const tiller_model_t&, const FeedbackJob& job) {
-    if (job.setup->effect_count > 0 || slips<Model>(*job.setup)) return feedback_all<true, tiller_integrator_rk4>(job);
-    switch (job.setup->integrator) {
-      case tiller_integrator_semi_implicit_euler:
-        return feedback_all<false, tiller_integrator_semi_implicit_euler>(job);
-      case tiller_integrator_midpoint: return feedback_all<false, tiller_integrator_midpoint>(job);
-      default: return feedback_all<false, tiller_integrator_rk4>(job);
-    }
+    if (Model::kLongDynamics || job.setup->effect_count > 0 || slips<Model>(*job.setup))
+      return feedback_all<true, tiller_integrator_rk4>(job);
+    if constexpr (!Model::kLongDynamics) switch (job.setup->integrator) {
+        case tiller_integrator_semi_implicit_euler:
+          return feedback_all<false, tiller_integrator_semi_implicit_euler>(job);
+        case tiller_integrator_midpoint: return feedback_all<false, tiller_integrator_midpoint>(job);
+        default: return feedback_all<false, tiller_integrator_rk4>(job);
+      }
   }
 };
 

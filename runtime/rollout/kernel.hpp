@@ -11,6 +11,7 @@
 #include "rollout/lane_rows.hpp"
 #include "rollout/lq_scenarios.hpp"
 #include "rollout/lq_sweep.hpp"
+#include "rollout/model_table.hpp"
 #include "rollout/output_cost.hpp"
 #include "rollout/own_cost.hpp"
 #include "rollout/quadratise_lanes.hpp"
@@ -215,15 +216,21 @@ struct Kernel {
       default: return roll_all<float, 4, false, true, kExtra, tiller_integrator_rk4>(job);
     }
   }
-  /// Planning without effects is the path worth a copy per integrator; everything else shares one.
+  /// Registers that go side by side, so that one does not wait for the other. Long equations have enough to do with one.
+  static constexpr int kTogether_f32 = Model::kLongDynamics ? 1 : 4, kTogether_f64 = Model::kLongDynamics ? 1 : 2;
+  /// Planning without effects is the path worth a copy per integrator, where it is more than the equations' calls;
+  /// everything else shares one.
   static void rollout_f32(const tiller_model_t&, const RolloutJob<float>& job) {
-    if (job.setup->effect_count > 0 || slips<Model>(*job.setup) || !job.params.splat())
-      return roll_all<float, 4, true, false, true, tiller_integrator_rk4>(job);
-    const bool extra = job.feedback || job.noise.data || (job.cost && (!job.cost->only_quadratic() || job.penalty_out));
-    return extra ? roll_bare<true>(job) : roll_bare<false>(job);
+    if (Model::kLongDynamics || job.setup->effect_count > 0 || slips<Model>(*job.setup) || !job.params.splat())
+      return roll_all<float, kTogether_f32, true, false, true, tiller_integrator_rk4>(job);
+    if constexpr (!Model::kLongDynamics) {
+      const bool extra =
+          job.feedback || job.noise.data || (job.cost && (!job.cost->only_quadratic() || job.penalty_out));
+      return extra ? roll_bare<true>(job) : roll_bare<false>(job);
+    }
   }
   static void rollout_f64(const tiller_model_t&, const RolloutJob<double>& job) {
-    roll_all<double, 2, true, false, true, tiller_integrator_rk4>(job);
+    roll_all<double, kTogether_f64, true, false, true, tiller_integrator_rk4>(job);
   }
 
   // ---- linearisation -----------------------------------------------------------------------------
@@ -238,23 +245,25 @@ struct Kernel {
     Trajectory<Model, D> t;
     Parameters<Model, D> p;
     typename Model::template Input<D> u;
-    each(Model::nx(), [&](auto i) { t.x[i] = Dual::seeded(load_row<P>(job.state, i, lane), i, first); });
-    each(Model::nu(), [&](auto i) { u[i] = Dual::seeded(load_row<P>(job.control, i, lane), kStates + i, first); });
+    each(Model::looped_nx(), [&](auto i) { element(t.x, i) = Dual::seeded(load_row<P>(job.state, i, lane), i, first); });
+    each(Model::looped_nu(),
+         [&](auto i) { element(u, i) = Dual::seeded(load_row<P>(job.control, i, lane), kStates + i, first); });
     load_parameters<Model, D, P>(p, setup, job.params, lane);
     for (std::uint32_t s = 0; s < setup.effect_state_count; ++s)
       t.effect_state[s] = D(load_row<P>(job.effect_state, static_cast<int>(s), lane));
     Dual::advance(stepper, t, u, p, job.history);
 
     const auto row = [&](double* rows, int i) { return rows + static_cast<std::size_t>(i) * job.lanes + lane; };
-    each(Model::nx(), [&](auto i) {
-      if (first == 0) t.x[i].v.store(row(job.next_state, i));
-      for (int k = 0; k < D::directions; ++k) {
+    each(Model::looped_nx(), [&](auto i) {
+      const D& x = element(t.x, i);
+      if (first == 0) x.v.store(row(job.next_state, i));
+      each_direction<D::directions>([&](int k) {
         const int c = first + k;
         if (c < kStates && job.a)
-          t.x[i].d[k].store(row(job.a, i * kStates + c));
+          x.d[k].store(row(job.a, i * kStates + c));
         else if (c >= kStates && c < kStates + kInputs && job.b)
-          t.x[i].d[k].store(row(job.b, i * kInputs + c - kStates));
-      }
+          x.d[k].store(row(job.b, i * kInputs + c - kStates));
+      });
     });
     if (first == 0 && job.next_effect_state)
       for (std::uint32_t s = 0; s < setup.effect_state_count; ++s)
@@ -296,12 +305,29 @@ struct Kernel {
   static constexpr LqKernel kKernelOf = Sweep::kernel();
 
   static constexpr auto kFeedback = &GradientKernel<M, Cost>::feedback;
+  /// tiller_model_t::jacobian. A model that knows its slopes has them in lanes already: one of them will do.
+  static void jacobian(const double* x, const double* u, const double* f, const tiller_body_t* body, const double* p,
+                       double* a, double* b) {
+    if constexpr (Model::kKnowsSlopes) {
+      using P = Pack<double>;
+      using Lanes = ModelTable<M>;
+      typename Model::template State<P> xs;
+      typename Model::template Input<P> us;
+      typename Model::template Force<P> fs;
+      typename Model::template Params<P> ps;
+      Lanes::template read<P>(x, u, f, p, xs, us, fs, ps);
+      Slopes<Model>::store_rates(xs, us, fs, Body<P>::from(*body), ps, a, b);
+    } else {
+      ModelTable<M>::jacobian(x, u, f, body, p, a, b);
+    }
+  }
   /// The derivatives, which are half of a kernel's text: in this unit, or in another one (export_model.hpp).
   struct Derivatives {
     static constexpr auto linearise = &Kernel::linearise;
     static constexpr auto path_linearise = &GradientKernel<M, Cost>::linearise;
     static constexpr auto feedback = kFeedback;
     static constexpr auto quadratise = &Quadratiser<Model, Cost>::quadratise;
+    static constexpr auto jacobian = &Kernel::jacobian;
   };
   template <class Derived>
   static constexpr PathKernel kPath = {Derived::path_linearise, Derived::feedback};

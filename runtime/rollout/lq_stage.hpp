@@ -49,6 +49,20 @@ TILLER_INLINE void solve_rows(Count m, const double* l, Width width, double* row
   for (int i = 0; i < m * width; ++i) rows[i] = -rows[i];
 }
 
+/// x (m) := -(L L')^-1 x. What is known is taken out of all that is not: short chains.
+template <class Count>
+TILLER_INLINE void solve_vector(Count m, const double* l, double* x) {
+  for (int k = 0; k < m; ++k) {
+    const double known = x[k] *= l[k * m + k];
+    for (int i = k + 1; i < m; ++i) x[i] -= l[i * m + k] * known;
+  }
+  for (int k = m - 1; k >= 0; --k) {
+    const double known = x[k] *= l[k * m + k];
+    for (int i = 0; i < k; ++i) x[i] -= l[k * m + i] * known;
+  }
+  for (int i = 0; i < m; ++i) x[i] = -x[i];
+}
+
 /// Step of one stage from the gradient `force` (m): free inputs to their minimum, held ones to their bounds.
 template <class Count>
 TILLER_INLINE void stage_step(Count m, const LqProblem& p, const LqFactor& f, std::size_t k, const double* curvature,
@@ -64,7 +78,7 @@ TILLER_INLINE void stage_step(Count m, const LqProblem& p, const LqFactor& f, st
         if (held[j]) step[i] += curvature[i * m + j] * (held[j] < 0 ? p.low : p.high)[k * m + j];
     }
   }
-  solve_rows(m, f.cholesky + k * m * m, Index<1>{}, step);
+  solve_vector(m, f.cholesky + k * m * m, step);
 }
 
 /// Gains of one stage from `carry` (m x width): rows of held inputs are zero.

@@ -129,6 +129,16 @@ struct StaticModel {
   }
   /// Unrolling over the states pays for few of them: its text grows faster than its gain.
   static constexpr bool kFewStates = kStates <= 6;
+  /// The same where what is done to each is long or done once: a loop for many.
+  static constexpr auto looped_nx() { return looped(nx()); }
+  static constexpr auto looped_nu() { return looped(nu()); }
+  template <int N>
+  static constexpr auto looped(Index<N> count) {
+    if constexpr (kFewStates)
+      return count;
+    else
+      return N;
+  }
   static constexpr bool kLongDynamics = LongDynamics<M<double>>::value;
   static_assert(ForceOf<M<double>>::joint_count == kForces, "one joint for each force, in order");
   static_assert(kForces > 0 || !HasJoints<M<double>>::value, "joints ask for TILLER_FIELDS(Force, ...)");

@@ -75,7 +75,8 @@ struct ModelTable {
     each(Model::ny(), [&](auto i) { y[i] = ys[i]; });
   }
 
-  static constexpr tiller_model_t make(const ModelKernels* kernels) {
+  using Jacobian = decltype(tiller_model_t::jacobian);
+  static constexpr tiller_model_t make(const ModelKernels* kernels, Jacobian of = &jacobian) {
     tiller_model_t t{};
     t.size = sizeof(tiller_model_t);
     t.version = TILLER_MODEL_VERSION;
@@ -91,7 +92,7 @@ struct ModelTable {
     t.joints = ForceOf<M<double>>::joints;
     t.angle_mask = AnglesOf<M<double>>::mask;
     t.dynamics = &dynamics;
-    t.jacobian = &jacobian;
+    t.jacobian = of;
     t.kernels = kernels;
     t.output_count = Model::kOutputs;
     t.output_names = OutputOf<M<double>>::type::names;

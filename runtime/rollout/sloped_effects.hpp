@@ -41,16 +41,13 @@ struct SlopedEffects {
   struct Derivatives {
     V d[kN];
     TILLER_INLINE void clear() {
-#pragma GCC unroll 32
-      for (int k = 0; k < kN; ++k) d[k] = V(0.0);
+      each_direction<kN>([&](int k) TILLER_INLINED { d[k] = V(0.0); });
     }
     TILLER_INLINE void add(const V& weight, const V* of) {
-#pragma GCC unroll 32
-      for (int k = 0; k < kN; ++k) d[k] = d[k] + weight * of[k];
+      each_direction<kN>([&](int k) TILLER_INLINED { d[k] = d[k] + weight * of[k]; });
     }
     TILLER_INLINE void add(const V* of) {
-#pragma GCC unroll 32
-      for (int k = 0; k < kN; ++k) d[k] = d[k] + of[k];
+      each_direction<kN>([&](int k) TILLER_INLINED { d[k] = d[k] + of[k]; });
     }
   };
 
@@ -97,7 +94,7 @@ struct SlopedEffects {
   };
   static TILLER_INLINE void put(const V& value, const Derivatives& from, D& to) {
     to.v = value;
-    for (int k = 0; k < kN; ++k) to.d[k] = from.d[k];
+    each_direction<kN>([&](int k) TILLER_INLINED { to.d[k] = from.d[k]; });
   }
   template <Hook kHook, class Visit>
   TILLER_INLINE void for_slots(const Visit& visit) const {
@@ -149,7 +146,8 @@ struct SlopedEffects {
       call.spread(out, sum, add);
       D& force = element(f, step.model.force_index(j));
       force.v = force.v + out.v;
-      for (int k = 0; k < kN; ++k) force.d[k] = force.d[k] + sum.d[k];
+      sum.add(force.d);
+      put(force.v, sum, force);
       call.keep_states(add);
     });
   }
@@ -157,11 +155,14 @@ struct SlopedEffects {
   /// Forces at the joints, all that act so far: their derivatives, and what these make of a joint's velocity.
   struct Moved {
     Derivatives at[kJoints];
-    TILLER_INLINE void velocity(const V (*response)[kJoints], std::uint32_t joints, const V& h, int j,
-                                Derivatives& sum) const {
-      sum.clear();
-      for (int m = 0; m < kJoints; ++m)
-        if ((joints >> m) & 1u) sum.add(h * response[m][j], at[m].d);
+    TILLER_INLINE void velocity(const V (*response)[kJoints], const V& h, int j, Derivatives& sum) const {
+      V weight[kJoints];
+      for (int m = 0; m < kJoints; ++m) weight[m] = h * response[m][j];
+      each_direction<kN>([&](int k) TILLER_INLINED {
+        V at_k = weight[0] * at[0].d[k];
+        for (int m = 1; m < kJoints; ++m) at_k = at_k + weight[m] * at[m].d[k];
+        sum.d[k] = at_k;
+      });
     }
   };
 
@@ -202,7 +203,7 @@ struct SlopedEffects {
 
         const auto add = [&](int argument, const V& weight, Derivatives& sum) {
           Derivatives change;
-          if (argument == kFree || argument == kMiddle) moved.velocity(response, step.reacting, h, j, change);
+          if (argument == kFree || argument == kMiddle) moved.velocity(response, h, j, change);
           switch (argument) {
             case kPosition:
               if (q) sum.add(weight, q->d);
@@ -227,7 +228,7 @@ struct SlopedEffects {
         if (serves) {
           D force = step.drive_force(u, j);
           force.v = force.v + push;
-          for (int k = 0; k < kN; ++k) force.d[k] = force.d[k] + slopes.d[k];
+          each_direction<kN>([&](int k) TILLER_INLINED { force.d[k] = force.d[k] + slopes.d[k]; });
           step.set_drive_force(u, j, force);
         }
         if (sweeps > 1 && e < Step::kServes) {
@@ -235,10 +236,10 @@ struct SlopedEffects {
           push = relaxation * (push - before);
           pushes[e] = before + push;
           if (sweep == 0) push_slopes[e].clear();
-          for (int k = 0; k < kN; ++k) {
+          each_direction<kN>([&](int k) TILLER_INLINED {
             slopes.d[k] = relaxation * (slopes.d[k] - push_slopes[e].d[k]);
             push_slopes[e].d[k] = push_slopes[e].d[k] + slopes.d[k];
-          }
+          });
         }
         moved.at[j].add(slopes.d);
         each(step.model.joints(), [&](auto i) {
@@ -251,11 +252,13 @@ struct SlopedEffects {
     }
     each(step.model.joints(), [&](auto i) {
       Derivatives change;
-      moved.velocity(response, step.reacting, h, static_cast<int>(i), change);
+      moved.velocity(response, h, static_cast<int>(i), change);
       D& speed = step.model.template velocity<D>(t.x, i);
-      for (int k = 0; k < kN; ++k) speed.d[k] = speed.d[k] + change.d[k];
-      if (D* place = step.model.template position<D>(t.x, i))
-        for (int k = 0; k < kN; ++k) place->d[k] = place->d[k] + share * change.d[k];
+      D* const place = step.model.template position<D>(t.x, i);
+      each_direction<kN>([&](int k) TILLER_INLINED {
+        speed.d[k] = speed.d[k] + change.d[k];
+        if (place) place->d[k] = place->d[k] + share * change.d[k];
+      });
     });
   }
 };

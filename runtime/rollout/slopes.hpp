@@ -116,6 +116,20 @@ struct Slopes {
     }
   };
 
+  /// The dynamics' Jacobian by state (a) and input (b), of the first lane.
+  static void store_rates(const State& x, const Input& u, const Force& f, const Body<P>& body, const Params& p,
+                          double* a, double* b) {
+    State dx;
+    Jacobian j;
+    rates_by_model(x, u, f, body, p, dx, j);
+    for (int i = 0; i < kStates; ++i)
+      for (int c = 0; c < kDirections; ++c) {
+        alignas(64) double lanes[P::width];
+        j[i][c].store(lanes);
+        (c < kStates ? a[i * kStates + c] : b[i * Model::kInputs + c - kStates]) = lanes[0];
+      }
+  }
+
   /// The period from x.
   TILLER_INLINE void advance(const State& x, const Rows& to) const {
     if constexpr (kShort)
@@ -192,10 +206,14 @@ struct Slopes {
       rates_at_once(x, dx, j);
   }
   __attribute__((noinline)) void rates_by_model(const State& x, State& dx, Jacobian& j) const {
-    typename Model::template JointSlopes<P> s;
     Force none;
     each(Model::nf(), [&](auto i) { none[i] = P(0.0); });
-    Model::template slopes<P>(x, u, none, body, p, s);
+    rates_by_model(x, u, none, body, p, dx, j);
+  }
+  static __attribute__((noinline)) void rates_by_model(const State& x, const Input& u, const Force& f,
+                                                       const Body<P>& body, const Params& p, State& dx, Jacobian& j) {
+    typename Model::template JointSlopes<P> s;
+    Model::template slopes<P>(x, u, f, body, p, s);
     for (auto& row : j)
       for (P& slope : row) slope = P(0.0);
     each(Model::nf(), [&](auto i) {

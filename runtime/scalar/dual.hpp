@@ -13,9 +13,22 @@
 
 #include <type_traits>
 
+#include "scalar/inline.hpp"
 #include "tiller/scalar.hpp"
 
 namespace tiller {
+
+/// f(0) ... f(N-1). Many directions stay a loop: unrolled, as GCC does with up to sixteen, they gain nothing and their
+/// text takes a model of many joints half of its compile time.
+template <int N, class F>
+TILLER_INLINE void each_direction(F&& f) {
+  if constexpr (N > 8) {
+#pragma GCC unroll 1
+    for (int i = 0; i < N; ++i) f(i);
+  } else {
+    for (int i = 0; i < N; ++i) f(i);
+  }
+}
 
 template <class S, int N>
 struct Dual {
@@ -27,7 +40,7 @@ struct Dual {
 
   Dual() = default;
   Dual(const S& value) : v(value) {
-    for (int i = 0; i < N; ++i) d[i] = S(0.0);
+    each_direction<N>([&](int i) TILLER_INLINED { d[i] = S(0.0); });
   }
   template <class A, class = std::enable_if_t<std::is_arithmetic<A>::value && !std::is_same<A, S>::value>>
   Dual(A value) : Dual(S(value)) {}
@@ -40,32 +53,32 @@ struct Dual {
   friend Dual operator+(const Dual& a, const Dual& b) {
     Dual r;
     r.v = a.v + b.v;
-    for (int i = 0; i < N; ++i) r.d[i] = a.d[i] + b.d[i];
+    each_direction<N>([&](int i) TILLER_INLINED { r.d[i] = a.d[i] + b.d[i]; });
     return r;
   }
   friend Dual operator-(const Dual& a, const Dual& b) {
     Dual r;
     r.v = a.v - b.v;
-    for (int i = 0; i < N; ++i) r.d[i] = a.d[i] - b.d[i];
+    each_direction<N>([&](int i) TILLER_INLINED { r.d[i] = a.d[i] - b.d[i]; });
     return r;
   }
   friend Dual operator*(const Dual& a, const Dual& b) {
     Dual r;
     r.v = a.v * b.v;
-    for (int i = 0; i < N; ++i) r.d[i] = a.d[i] * b.v + a.v * b.d[i];
+    each_direction<N>([&](int i) TILLER_INLINED { r.d[i] = a.d[i] * b.v + a.v * b.d[i]; });
     return r;
   }
   friend Dual operator/(const Dual& a, const Dual& b) {
     Dual r;
     const S inverse = S(1.0) / b.v;
     r.v = a.v / b.v;  // not a.v * inverse: the value stays that of plain arithmetic, to the last bit
-    for (int i = 0; i < N; ++i) r.d[i] = (a.d[i] - r.v * b.d[i]) * inverse;
+    each_direction<N>([&](int i) TILLER_INLINED { r.d[i] = (a.d[i] - r.v * b.d[i]) * inverse; });
     return r;
   }
   friend Dual operator-(const Dual& a) {
     Dual r;
     r.v = -a.v;
-    for (int i = 0; i < N; ++i) r.d[i] = -a.d[i];
+    each_direction<N>([&](int i) TILLER_INLINED { r.d[i] = -a.d[i]; });
     return r;
   }
   Dual& operator+=(const Dual& b) { return *this = *this + b; }
@@ -84,7 +97,7 @@ struct Dual {
   static Dual chain(const S& value, const S& slope, const Dual& inner) {
     Dual r;
     r.v = value;
-    for (int i = 0; i < N; ++i) r.d[i] = slope * inner.d[i];
+    each_direction<N>([&](int i) TILLER_INLINED { r.d[i] = slope * inner.d[i]; });
     return r;
   }
 
@@ -92,7 +105,7 @@ struct Dual {
   friend Dual select(const Mask& m, const Dual& a, const Dual& b) {
     Dual r;
     r.v = select(m, a.v, b.v);
-    for (int i = 0; i < N; ++i) r.d[i] = select(m, a.d[i], b.d[i]);
+    each_direction<N>([&](int i) TILLER_INLINED { r.d[i] = select(m, a.d[i], b.d[i]); });
     return r;
   }
   friend Dual min(const Dual& a, const Dual& b) { return select(a.v < b.v, a, b); }
@@ -140,7 +153,7 @@ struct Dual {
     const S inverse = select(square > S(0.0), S(1.0) / square, S(0.0));
     Dual r;
     r.v = atan2(y.v, x.v);
-    for (int i = 0; i < N; ++i) r.d[i] = (x.v * y.d[i] - y.v * x.d[i]) * inverse;
+    each_direction<N>([&](int i) TILLER_INLINED { r.d[i] = (x.v * y.d[i] - y.v * x.d[i]) * inverse; });
     return r;
   }
   /// Steps: derivative zero.
