@@ -35,11 +35,7 @@ struct DualStep {
                                                 const Parameters<Model, D>& p, const double* history) {
     const auto past = [&](int age, int port) {
       if (age > 0) return D(P(history[(age - 1) * Model::kInputs + port]));
-      D now = u[Index<0>{}];
-      each(Model::nu(), [&](auto i) {
-        if (static_cast<int>(i) == port) now = u[i];
-      });
-      return now;
+      return element(u, port);
     };
     step.advance(t, u, p, past, history != nullptr);
   }

@@ -152,9 +152,27 @@ struct SlopedEffects {
     });
   }
 
+  /// How a force follows from the joint's velocities at the start and at the end, and which part of its change acts.
+  struct ByVelocities {
+    V start, end, gain, relaxation;
+  };
   /// Forces at the joints, all that act so far: their derivatives, and what these make of a joint's velocity.
   struct Moved {
     Derivatives at[kJoints];
+    /// Friction's case, in one pass: the force's slopes, `kept` from sweep to sweep, and their change in `at`.
+    TILLER_INLINE void push(const V (*response)[kJoints], const V& h, int j, const ByVelocities& by, const V* start,
+                            const V* end, bool first, V* kept) {
+      V weight[kJoints];
+      for (int m = 0; m < kJoints; ++m) weight[m] = h * response[m][j];
+      each_direction<kN>([&](int k) TILLER_INLINED {
+        V free = end[k];
+        for (int m = 0; m < kJoints; ++m) free = free + weight[m] * at[m].d[k];
+        const V before = first ? V(0.0) : kept[k];
+        const V change = by.relaxation * (by.start * start[k] + by.end * (free - by.gain * before) - before);
+        kept[k] = before + change;
+        at[j].d[k] = at[j].d[k] + change;
+      });
+    }
     TILLER_INLINE void velocity(const V (*response)[kJoints], const V& h, int j, Derivatives& sum) const {
       V weight[kJoints];
       for (int m = 0; m < kJoints; ++m) weight[m] = h * response[m][j];
@@ -165,6 +183,19 @@ struct SlopedEffects {
       });
     }
   };
+
+  static TILLER_INLINE bool by_velocities(const L& force) {
+    return !matters(force.d[kPosition]) && !matters(force.d[kMiddle]) && !matters(force.d[kDrive]);
+  }
+  TILLER_INLINE void change_values(Trajectory<Model, D>& t, const V* column, const V& h, const V& share,
+                                   const V& push) const {
+    each(step.model.joints(), [&](auto i) {
+      const V change = h * column[i] * push;
+      D& speed = step.model.template velocity<D>(t.x, i);
+      speed.v = speed.v + change;
+      if (D* place = step.model.template position<D>(t.x, i)) place->v = place->v + share * change;
+    });
+  }
 
   /// Stepper::react().
   __attribute__((noinline)) void react(State& begin, Trajectory<Model, D>& t, Input& u, const Input& goals,
@@ -221,10 +252,18 @@ struct SlopedEffects {
             default: return sum.add(weight, drive.d);
           }
         };
+        V push = out.v;
+        if (sweeps > 1 && e < Step::kServes && call.state_count == 0 && by_velocities(out)) {
+          const V before = sweep > 0 ? pushes[e] : V(0.0);
+          push = relaxation * (push - before);
+          pushes[e] = before + push;
+          moved.push(response, h, j, {out.d[kVelocity], out.d[kFree], gain, relaxation}, velocity.d, free.d, sweep == 0,
+                     push_slopes[e].d);
+          return change_values(t, response[j], h, share, push);
+        }
         Derivatives slopes;
         call.spread(out, slopes, add);
         call.keep_states(add);
-        V push = out.v;
         if (serves) {
           D force = step.drive_force(u, j);
           force.v = force.v + push;
@@ -242,12 +281,7 @@ struct SlopedEffects {
           });
         }
         moved.at[j].add(slopes.d);
-        each(step.model.joints(), [&](auto i) {
-          const V change = h * response[j][i] * push;
-          D& speed = step.model.template velocity<D>(t.x, i);
-          speed.v = speed.v + change;
-          if (D* place = step.model.template position<D>(t.x, i)) place->v = place->v + share * change;
-        });
+        change_values(t, response[j], h, share, push);
       });
     }
     each(step.model.joints(), [&](auto i) {

@@ -173,8 +173,8 @@ struct Slopes {
       step<false>(h, x, next, d);
       normalise(next, d);
     }
-    each(Model::nx(), [&](auto i) {
-      to.put(i, next[i]);
+    each(Model::looped_nx(), [&](auto i) {
+      to.put(i, element(next, i));
       to.put_slopes(i, [&](int c) TILLER_INLINED { return d[i][c]; });
     });
   }
@@ -216,13 +216,13 @@ struct Slopes {
     Model::template slopes<P>(x, u, f, body, p, s);
     for (auto& row : j)
       for (P& slope : row) slope = P(0.0);
-    each(Model::nf(), [&](auto i) {
+    each(Model::joints(), [&](auto i) {
       const int speed = Model::velocity_index(i), place = Model::position_index(i);
       element(dx, place) = element(x, speed);
       element(dx, speed) = s.acceleration[i];
       j[place][speed] = P(1.0);
       for (int c = 0; c < kStates; ++c) j[speed][c] = s.by_state[i][c];
-      each(Model::nf(), [&](auto m) {
+      each(Model::joints(), [&](auto m) {
         if (const int input = Model::drive(static_cast<int>(m)); input > 0)
           j[speed][kStates + input - 1] = s.column[m][i] * s.input_gain[m];
       });
@@ -301,7 +301,7 @@ struct Slopes {
           e[i][c] = d[i][c] + h * k[i][c];
   }
   static TILLER_INLINE void along(const State& x, const P& h, const State& dx, State& next) {
-    each(Model::nx(), [&](auto i) { next[i] = x[i] + h * dx[i]; });
+    each(Model::looped_nx(), [&](auto i) { element(next, i) = element(x, i) + h * element(dx, i); });
   }
 
   /// One substep of `h` seconds from x to next; d, the derivatives of x (kUnit: the unit matrix, d is not read), become
@@ -319,12 +319,12 @@ struct Slopes {
       along(x, P(h), k1, next);
       along<kUnit>(d, P(h), s1, d);
       State before = x;
-      each(Model::nf(), [&](auto joint) {
+      each(Model::joints(), [&](auto joint) {
         P* const q = Model::template position<P>(next, joint);
         if (!q) return;
         const P& v = Model::template velocity<P>(next, joint);
         *q = *Model::template position<P>(before, joint) + P(h) * v;
-        const auto i = q - &next[Index<0>{}], of_v = &v - &next[Index<0>{}];
+        const auto i = q - &element(next, 0), of_v = &v - &element(next, 0);
         for (int c = 0; c < kDirections; ++c) d[i][c] = (kUnit ? P(i == c ? 1.0 : 0.0) : e[i][c]) + P(h) * d[of_v][c];
       });
       return;
@@ -349,7 +349,10 @@ struct Slopes {
     for (int i = 0; i < kStates; ++i)
       for (int c = 0; c < kDirections; ++c) s1[i][c] = s1[i][c] + P(2.0) * (s2[i][c] + s3[i][c]);
     rates_along(y, e, k4, s3);
-    each(Model::nx(), [&](auto i) { next[i] = x[i] + P(h / 6.0) * (k1[i] + P(2.0) * (k2[i] + k3[i]) + k4[i]); });
+    each(Model::looped_nx(), [&](auto i) {
+      element(next, i) = element(x, i) + P(h / 6.0) * (element(k1, i) + P(2.0) * (element(k2, i) + element(k3, i)) +
+                                                       element(k4, i));
+    });
     for (int i = 0; i < kStates; ++i)
       for (int c = 0; c < kDirections; ++c) s1[i][c] = s1[i][c] + s3[i][c];
     along<kUnit>(d, P(h / 6.0), s1, d);

@@ -121,9 +121,16 @@ struct Stepper {
 
   /// Of a whole substep.
   TILLER_INLINE Length<S> whole() const { return {Value(substep_s), Value(0.5 * substep_s), Value(substep_s / 6.0)}; }
+  /// The states: a loop where each carries many derivatives.
+  TILLER_INLINE auto states() const {
+    if constexpr (kSloped)
+      return static_cast<int>(model.nx());
+    else
+      return model.nx();
+  }
   TILLER_INLINE State along(const State& x, const State& dx, const S& h) const {
     State next;
-    each(model.nx(), [&](auto i) TILLER_INLINED { next[i] = x[i] + h * dx[i]; });
+    each(states(), [&](auto i) TILLER_INLINED { element(next, i) = element(x, i) + h * element(dx, i); });
     return next;
   }
 
@@ -132,10 +139,14 @@ struct Stepper {
                                     const Length<S>& step) const {
     State next = along(x, model.template dynamics<S>(x, u, f, b, p), S(step.h));
     State before = x;
-    each(model.nf(), [&](auto j) {
+    const auto place = [&](auto j) {
       if (S* q = model.template position<S>(next, j))
         *q = *model.template position<S>(before, j) + S(step.h) * model.template velocity<S>(next, j);
-    });
+    };
+    if constexpr (kSloped)
+      each(model.joints(), place);
+    else
+      each(model.nf(), place);
     return next;
   }
   TILLER_INLINE State midpoint(const State& x, const Input& u, const Force& f, const Body<S>& b, const Params& p,
@@ -150,8 +161,10 @@ struct Stepper {
     const State k3 = model.template dynamics<S>(along(x, k2, S(step.half)), u, f, b, p);
     const State k4 = model.template dynamics<S>(along(x, k3, S(step.h)), u, f, b, p);
     State next;
-    each(model.nx(),
-         [&](auto i) TILLER_INLINED { next[i] = x[i] + S(step.sixth) * (k1[i] + S(2.0) * (k2[i] + k3[i]) + k4[i]); });
+    each(states(), [&](auto i) TILLER_INLINED {
+      element(next, i) = element(x, i) + S(step.sixth) * (element(k1, i) + S(2.0) * (element(k2, i) + element(k3, i)) +
+                                                          element(k4, i));
+    });
     return next;
   }
   TILLER_INLINE State free_step(tiller_integrator_t integrator, const State& x, const Input& u, const Force& f,
@@ -311,10 +324,10 @@ struct Stepper {
   TILLER_INLINE void split_at_switch(CommandSwitch<Model, S>* turns, const Plan<kCount, kSets>& plan,
                                      const Past& past) const {
     for (int r = 0; r < kCount; ++r)
-      each(model.nu(), [&](auto i) TILLER_INLINED {
+      each(inputs(), [&](auto i) TILLER_INLINED {
         InputDelay<Value>::split_at_switch([&](int age) TILLER_INLINED { return past(r, age, static_cast<int>(i)); },
                                            static_cast<int>(setup.delay_steps), plan.registers[r].delay[i],
-                                           turns[r].older[i], turns[r].newer[i]);
+                                           element(turns[r].older, i), element(turns[r].newer, i));
       });
   }
 
@@ -464,7 +477,9 @@ struct Stepper {
     if constexpr (Model::kKnowsResponses) {
       for (int r = 0; r < kCount; ++r) {
         State middle;
-        each(model.nx(), [&](auto i) { middle[i] = S(0.5) * (begin[r][i] + t[r].x[i]); });
+        each(states(), [&](auto i) {
+          element(middle, i) = S(0.5) * (element(begin[r], i) + element(t[r].x, i));
+        });
         if constexpr (Model::kKnowsSlopes && IsDual<S>::value) {
           respond_still(middle, bodies[kSets == 1 ? 0 : r], p[kSets == 1 ? 0 : r].model, response[r]);
           continue;
@@ -690,7 +705,7 @@ struct Stepper {
   /// Lanes whose part is empty stand where they stood.
   TILLER_INLINE void keep_still(const MaskOf<S>& stands, const Trajectory<Model, S>& before,
                                 Trajectory<Model, S>& t) const {
-    each(model.nx(), [&](auto i) { t.x[i] = select(stands, before.x[i], t.x[i]); });
+    each(states(), [&](auto i) { element(t.x, i) = select(stands, element(before.x, i), element(t.x, i)); });
     for (std::uint32_t s = 0; s < setup.effect_state_count; ++s)
       t.effect_state[s] = select(stands, before.effect_state[s], t.effect_state[s]);
   }
@@ -749,7 +764,9 @@ struct Stepper {
   /// The commands that act in a part.
   TILLER_INLINE Input chosen(const CommandSwitch<Model, S>& turns, const Part<Model, S>& part) const {
     Input acting;
-    each(model.nu(), [&](auto i) TILLER_INLINED { acting[i] = select(part.older[i], turns.older[i], turns.newer[i]); });
+    each(inputs(), [&](auto i) TILLER_INLINED {
+      element(acting, i) = select(part.older[i], element(turns.older, i), element(turns.newer, i));
+    });
     return acting;
   }
   /// One period in which no input is delayed.
