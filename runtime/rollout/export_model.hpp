@@ -57,30 +57,30 @@ struct ExportedModel {
   }
   static constexpr RolloutTable kTable = ModelKernel::template table<ExportedDerivatives<ModelKernel>>(isa);
   static constexpr ModelKernels kKernels = make_kernels();
-  static constexpr tiller_model_t kModel = ModelTable<Type>::make(&kKernels, ExportedDerivatives<ModelKernel>::jacobian);
+  static constexpr tiller_model_t kModel =
+      ModelTable<Type>::make(&kKernels, ExportedDerivatives<ModelKernel>::jacobian);
 };
 
 }  // namespace tiller
 
 #if defined(TILLER_KERNEL_PART) && TILLER_KERNEL_PART == 2
-#define TILLER_EXPORT_KERNEL(Type, ...)                                            \
-  namespace tiller {                                                               \
-  extern "C" {                                                                     \
-  void tiller_part_linearise(const tiller_model_t& m, const LineariseJob& job) {   \
-    __VA_ARGS__::Derivatives::linearise(m, job);                                   \
-  }                                                                                \
-  void tiller_part_path_linearise(const tiller_model_t& m, const PathJob& job) {   \
-    __VA_ARGS__::Derivatives::path_linearise(m, job);                              \
-  }                                                                                \
-  void tiller_part_quadratise(const tiller_model_t& m, const QuadratiseJob& job) { \
-    __VA_ARGS__::Derivatives::quadratise(m, job);                                  \
-  }                                                                                \
-  void tiller_part_jacobian(const double* x, const double* u, const double* f,     \
-                            const tiller_body_t* body, const double* p, double* a, \
-                            double* b) {                                           \
-    __VA_ARGS__::Derivatives::jacobian(x, u, f, body, p, a, b);                    \
-  }                                                                                \
-  }                                                                                \
+#define TILLER_EXPORT_KERNEL(Type, ...)                                                                   \
+  namespace tiller {                                                                                      \
+  extern "C" {                                                                                            \
+  void tiller_part_linearise(const tiller_model_t& m, const LineariseJob& job) {                          \
+    __VA_ARGS__::Derivatives::linearise(m, job);                                                          \
+  }                                                                                                       \
+  void tiller_part_path_linearise(const tiller_model_t& m, const PathJob& job) {                          \
+    __VA_ARGS__::Derivatives::path_linearise(m, job);                                                     \
+  }                                                                                                       \
+  void tiller_part_quadratise(const tiller_model_t& m, const QuadratiseJob& job) {                        \
+    __VA_ARGS__::Derivatives::quadratise(m, job);                                                         \
+  }                                                                                                       \
+  void tiller_part_jacobian(const double* x, const double* u, const double* f, const tiller_body_t* body, \
+                            const double* p, double* a, double* b) {                                      \
+    __VA_ARGS__::Derivatives::jacobian(x, u, f, body, p, a, b);                                           \
+  }                                                                                                       \
+  }                                                                                                       \
   }
 #else
 #define TILLER_EXPORT_KERNEL(Type, ...)                                                               \

@@ -245,7 +245,8 @@ struct Kernel {
     Trajectory<Model, D> t;
     Parameters<Model, D> p;
     typename Model::template Input<D> u;
-    each(Model::looped_nx(), [&](auto i) { element(t.x, i) = Dual::seeded(load_row<P>(job.state, i, lane), i, first); });
+    each(Model::looped_nx(),
+         [&](auto i) { element(t.x, i) = Dual::seeded(load_row<P>(job.state, i, lane), i, first); });
     each(Model::looped_nu(),
          [&](auto i) { element(u, i) = Dual::seeded(load_row<P>(job.control, i, lane), kStates + i, first); });
     load_parameters<Model, D, P>(p, setup, job.params, lane);

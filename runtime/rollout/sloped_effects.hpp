@@ -133,8 +133,13 @@ struct SlopedEffects {
       const D* const q = step.model.template position<D>(t.x, j);
       const D &velocity = step.model.template velocity<D>(t.x, j), drive = step.drive_force(u, j);
       const V place = q ? q->v : V(0.0);
-      JointStep<L> in = {seeded(place, kPosition), seeded(velocity.v, kVelocity), seeded(place, kPosition),
-                         seeded(velocity.v, kVelocity), L(0.0), seeded(drive.v, kDrive), L(length.h)};
+      JointStep<L> in = {seeded(place, kPosition),
+                         seeded(velocity.v, kVelocity),
+                         seeded(place, kPosition),
+                         seeded(velocity.v, kVelocity),
+                         L(0.0),
+                         seeded(drive.v, kDrive),
+                         L(length.h)};
       Call call(step, slot, t, p);
       const L out = called_force<L>(slot.kind, in, call.states, call.params);
       const auto add = [&](int argument, const V& weight, Derivatives& sum) {
@@ -217,8 +222,8 @@ struct SlopedEffects {
         const int j = slot.port;
         D* const q = step.model.template position<D>(begin, j);
         const D *const q_free = step.model.template position<D>(t.x, j),
-                &velocity = step.model.template velocity<D>(begin, j), &free = step.model.template velocity<D>(t.x, j),
-                drive = step.drive_force(serves ? goals : u, j);
+                       &velocity = step.model.template velocity<D>(begin, j),
+                       &free = step.model.template velocity<D>(t.x, j), drive = step.drive_force(serves ? goals : u, j);
         const V gain = h * response[j][j];
         JointStep<L> in;
         in.position = seeded(q ? q->v : V(0.0), kPosition);

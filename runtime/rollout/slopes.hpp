@@ -350,8 +350,8 @@ struct Slopes {
       for (int c = 0; c < kDirections; ++c) s1[i][c] = s1[i][c] + P(2.0) * (s2[i][c] + s3[i][c]);
     rates_along(y, e, k4, s3);
     each(Model::looped_nx(), [&](auto i) {
-      element(next, i) = element(x, i) + P(h / 6.0) * (element(k1, i) + P(2.0) * (element(k2, i) + element(k3, i)) +
-                                                       element(k4, i));
+      element(next, i) =
+          element(x, i) + P(h / 6.0) * (element(k1, i) + P(2.0) * (element(k2, i) + element(k3, i)) + element(k4, i));
     });
     for (int i = 0; i < kStates; ++i)
       for (int c = 0; c < kDirections; ++c) s1[i][c] = s1[i][c] + s3[i][c];

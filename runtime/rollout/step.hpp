@@ -162,8 +162,8 @@ struct Stepper {
     const State k4 = model.template dynamics<S>(along(x, k3, S(step.h)), u, f, b, p);
     State next;
     each(states(), [&](auto i) TILLER_INLINED {
-      element(next, i) = element(x, i) + S(step.sixth) * (element(k1, i) + S(2.0) * (element(k2, i) + element(k3, i)) +
-                                                          element(k4, i));
+      element(next, i) = element(x, i) +
+                         S(step.sixth) * (element(k1, i) + S(2.0) * (element(k2, i) + element(k3, i)) + element(k4, i));
     });
     return next;
   }
@@ -477,9 +477,7 @@ struct Stepper {
     if constexpr (Model::kKnowsResponses) {
       for (int r = 0; r < kCount; ++r) {
         State middle;
-        each(states(), [&](auto i) {
-          element(middle, i) = S(0.5) * (element(begin[r], i) + element(t[r].x, i));
-        });
+        each(states(), [&](auto i) { element(middle, i) = S(0.5) * (element(begin[r], i) + element(t[r].x, i)); });
         if constexpr (Model::kKnowsSlopes && IsDual<S>::value) {
           respond_still(middle, bodies[kSets == 1 ? 0 : r], p[kSets == 1 ? 0 : r].model, response[r]);
           continue;

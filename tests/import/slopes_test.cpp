@@ -165,7 +165,8 @@ TEST(SlopedEffects, HaveTheDerivativesOfTheirTexts) {
       const auto wide = end_of<kAll>(setup, start, params, 0);
       for (int first = 0; first < kAll; first += kFew) {
         const auto narrow = end_of<kFew>(setup, start, params, first);
-        const auto expect = [&](const Dual<double, kAll>& got, const Dual<double, kFew>& wanted, const char* what, int i) {
+        const auto expect = [&](const Dual<double, kAll>& got, const Dual<double, kFew>& wanted, const char* what,
+                                int i) {
           EXPECT_NEAR(got.v, wanted.v, 1e-13 * (1.0 + std::fabs(wanted.v))) << what << " " << i;
           for (int k = 0; k < kFew && first + k < kAll; ++k)
             EXPECT_NEAR(got.d[first + k], wanted.d[k], 1e-10 * (1.0 + std::fabs(wanted.d[k])))

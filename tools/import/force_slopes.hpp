@@ -57,7 +57,7 @@ class SlopeRecursion {
   struct Composite {
     BodyInertia<T> inertia;
     Spatial force;
-    Mat3<T> turning2;    // 2 B: the moment by the angular part
+    Mat3<T> turning2;     // 2 B: the moment by the angular part
     Vec3<T> momentum2{};  // and the force, y x this
   };
   /// What joint i does to its composite body.
@@ -166,8 +166,7 @@ class SlopeRecursion {
       out.by_position[from][i] = along(carrier, pulls.by_position);
       out.by_speed[from][i] = along(carrier, pulls.by_speed);
       out.by_position[i][from] = dot(b.upper.angular, pulls.inertia.angular) +
-                                 dot(b.upper.linear, pulls.inertia.linear) +
-                                 dot(b.up.angular, pulls.moment2);
+                                 dot(b.upper.linear, pulls.inertia.linear) + dot(b.up.angular, pulls.moment2);
       out.by_speed[i][from] = dot(b.up2.angular, pulls.inertia.angular) + dot(b.up2.linear, pulls.inertia.linear);
       if (!carrier.prismatic) out.by_speed[i][from] = out.by_speed[i][from] + pulls.moment2[2];
     }
@@ -210,8 +209,8 @@ class SlopeRecursion {
       b.momentum2 = turned(step.turn, b.momentum2);
       b.force = force_up(step, b.force);
       b.inertia.moment = moment + scaled(b.inertia.mass, step.shift);
-      b.inertia.inertia = turned(step.turn, b.inertia.inertia, true) - shift * skew(moment) -
-                          skew(b.inertia.moment) * shift;
+      b.inertia.inertia =
+          turned(step.turn, b.inertia.inertia, true) - shift * skew(moment) - skew(b.inertia.moment) * shift;
       mirror(b.inertia.inertia);
       b.turning2 = turned(step.turn, b.turning2, false) - shift * skew(b.momentum2);
     }

@@ -79,7 +79,8 @@ class Equations {
     const std::vector<Expression> found = tree.accelerate(speeds(), forces(), base_acceleration());
     std::vector<Expression> out = found;
     const std::vector<std::vector<Expression>> inverse = inverse_inertia(tree);
-    for (std::size_t r = 0; r < n; ++r) out.insert(out.end(), inverse[r].begin(), inverse[r].begin() + std::ptrdiff_t(r + 1));
+    for (std::size_t r = 0; r < n; ++r)
+      out.insert(out.end(), inverse[r].begin(), inverse[r].begin() + std::ptrdiff_t(r + 1));
     const ForceSlopes<Expression> by =
         SlopeRecursion<Expression>(mechanism_, inertia).slopes(positions(), speeds(), found, base_acceleration());
     for (const auto* matrix : {&by.by_position, &by.by_speed})
