@@ -225,6 +225,7 @@ QpReport solve_active_set(ActiveSetQp* const* work, const QpTree& tree, const Qp
 
 RiccatiQp lay_out_riccati_qp(Arena& arena, const LqProblem& sizes, const LqKernel& kernel) {
   RiccatiQp w;
+  if (worth_dual_set(sizes)) w.dual = lay_out_dual_set(arena, sizes, kernel);
   w.interior = lay_out_interior_point(arena, sizes, kernel);
   w.set.kernel = &kernel;
   w.set.factor = w.interior.factor;
@@ -233,7 +234,22 @@ RiccatiQp lay_out_riccati_qp(Arena& arena, const LqProblem& sizes, const LqKerne
   return w;
 }
 
+void shift_active_set(RiccatiQp& w, const LqProblem& sizes, std::uint32_t steps) {
+  shift_active_set(w.set, sizes, steps);
+  if (!w.dual.held) return;
+  const std::size_t s = std::size_t{sizes.states} * sizes.scenarios;
+  for (std::size_t k = 1; k <= sizes.horizon; ++k) {
+    const std::size_t from = k + steps <= sizes.horizon ? k + steps : sizes.horizon;
+    for (std::size_t i = 0; i < s; ++i) w.dual.held[k * s + i] = w.dual.held[from * s + i];
+  }
+}
+
 QpReport solve_riccati_qp(RiccatiQp& w, const Qp& qp, const QpLimits& limits, QpSolution& solution) {
+  if (!qp.repeats) w.set.sound = false;
+  if (w.dual.length > 0 && qp.cones.count() == 0) {
+    const QpReport by_dual = solve_dual_set(w.dual, qp, limits, w.set.held, solution);
+    if (by_dual.status != QpStatus::capped) return by_dual;
+  }
   const QpReport by_set = solve_active_set(w.set, qp, limits, solution);
   if (by_set.status == QpStatus::broken || (by_set.status == QpStatus::solved && states_within(qp, solution)))
     return by_set;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "planners/qp/dual_set.hpp"
 #include "planners/qp/interior_point.hpp"
 
 namespace tiller {
@@ -25,13 +26,16 @@ bool states_within(const Qp& qp, const QpSolution& solution);
 /// Drops the sets of the first `steps` stages; the last one's is repeated.
 void shift_active_set(ActiveSetQp& work, const LqProblem& sizes, std::uint32_t steps);
 
-/// The structure-exploiting solver: the active set, and where it does not settle or states leave their bounds, the
-/// interior point.
+/// The structure-exploiting solver, by size: where columns are short (worth_dual_set), the dual active set; where there
+/// is none, or it gives up (soft bounds that are exceeded, too many bounds), the active set over sweeps; and where that
+/// does not settle or states leave their bounds, the interior point.
 struct RiccatiQp {
+  DualQp dual;
   InteriorPoint interior;
   ActiveSetQp set;  // shares the interior's factor
 };
 RiccatiQp lay_out_riccati_qp(Arena& arena, const LqProblem& sizes, const LqKernel& kernel);
+void shift_active_set(RiccatiQp& work, const LqProblem& sizes, std::uint32_t steps);
 QpReport solve_riccati_qp(RiccatiQp& work, const Qp& qp, const QpLimits& limits, QpSolution& solution);
 
 }  // namespace tiller

@@ -1,0 +1,51 @@
+#pragma once
+
+#include "planners/qp/dual_rows.hpp"
+#include "planners/qp/qp.hpp"
+
+namespace tiller {
+
+/// A dual active set (Goldfarb and Idnani 1983) over hard bounds on inputs and states, on responses: what one unit of a
+/// bound's multiplier does to inputs, states and multipliers of the dynamics is a column, had once from a Riccati factor
+/// without bounds (one pass of matrix-vector products) and kept while the matrices stay. A set of w bounds is then a
+/// dense system of w unknowns, and its solution w columns added up: no sweep at all where the start alone changes and
+/// the bounds were active before. Exact to rounding; a set that no multipliers hold together is an infeasible program.
+///
+/// Worth its memory where columns are short: worth_dual_set is the rule. Soft bounds and cones are for others.
+struct DualQp {
+  static constexpr std::uint32_t kMost = 64;  // bounds at once; more are for a method that is linear in the horizon
+  struct Active {
+    std::uint32_t row = 0;  // of (x, u)
+    std::int8_t side = 0;   // 1: high, -1: low
+    std::uint16_t column = 0;
+    double y = 0.0;  // its multiplier, positive at the high side
+  };
+  const LqKernel* kernel = nullptr;
+  LqFactor factor;    // without bounds, but for inputs without room
+  LqFactor response;  // the same with vectors of its own
+  std::size_t length = 0;
+  double* start = nullptr;    // (s x length) response to the start; a column is (x, u, multipliers of the dynamics)
+  double* offset = nullptr;   // (length) with the start zero
+  double* base = nullptr;     // (length) without bounds
+  double* column = nullptr;   // (kMost x length)
+  std::uint32_t* owner = nullptr;      // (kMost) rows of the columns
+  std::uint16_t* column_of = nullptr;  // (x and u) kMost: none
+  double *unit_x = nullptr, *unit_u = nullptr;  // zeros, but for one while its column is made
+  double* cholesky = nullptr;                   // (kMost x kMost) lower, its diagonal inverted
+  double* gap = nullptr;                        // (kMost) scratch
+  std::int8_t* held = nullptr;                  // (N+1 x s) states of the set to start from
+  Active active[kMost];
+  std::uint32_t count = 0, columns = 0, next = 0;
+  bool sound = false;      // factor and columns are those of the last solve
+  bool has_start = false;  // and the responses to the start are there
+};
+
+/// Whether a dual set is the first thing to try, by the length of a column.
+bool worth_dual_set(const LqProblem& sizes);
+DualQp lay_out_dual_set(Arena& arena, const LqProblem& sizes, const LqKernel& kernel);
+
+/// Starts from `held` (N x m) and its own of the states; leaves the set in them. Solved, infeasible or broken; capped:
+/// another method's, `solution` is not one then.
+QpReport solve_dual_set(DualQp& work, const Qp& qp, const QpLimits& limits, std::int8_t* held, QpSolution& solution);
+
+}  // namespace tiller
