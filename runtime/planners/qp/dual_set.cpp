@@ -17,10 +17,14 @@ const DualRows& select_dual_rows() {
 
 namespace {
 
-constexpr std::size_t kLongest = 6000;      // numbers of a column: the kept ones take 3 MB then
+constexpr std::size_t kLongest = 10000;     // numbers of a column, of which 65 at least are kept: 5 MB
+constexpr std::size_t kKept = 400000;       // numbers of all columns that are kept, where they are shorter: 3 MB
 constexpr std::uint32_t kAtOnce = 4;        // rounds in which all that is exceeded comes in and all that pulls goes
 constexpr std::uint32_t kMostSteps = 400;   // single steps; a set of 64 settles in far fewer
 constexpr double kDependent = 1e-11;        // share of a bound's own curvature that the set leaves of it
+constexpr std::uint32_t kPatience = 6;      // rounds without a search for a proof that there is no solution
+constexpr double kGrown = 2.0;              // the multipliers' growth from one search for a proof to the next
+constexpr double kProof = 1e-9;             // what a proof exceeds zero by, of its terms
 constexpr double kShareOfTolerance = 0.1;   // what a bound may be exceeded by
 
 class DualSolve {
@@ -45,6 +49,10 @@ class DualSolve {
       const double excess = worst(&row);
       if (!(excess <= tolerance)) {
         if (std::isnan(excess) || soft(row)) break;
+        if (report.iterations >= kPatience && impossible()) {
+          report.status = QpStatus::infeasible;
+          break;
+        }
         if (report.iterations < kAtOnce && take_all()) continue;
         const Step step = bring_in(row);
         if (step == Step::taken) continue;
@@ -83,11 +91,9 @@ class DualSolve {
     store(at.x, at.u, out);
   }
   const double* column(std::uint32_t slot) const { return w.column + slot * w.length; }
-  /// kMost: all columns are in use.
   std::uint16_t column_of(std::uint32_t row) {
-    if (w.column_of[row] != DualQp::kMost) return w.column_of[row];
+    if (w.column_of[row] != DualQp::kNone) return w.column_of[row];
     const std::uint32_t slot = free_slot();
-    if (slot == DualQp::kMost) return DualQp::kMost;
     double& unit = row < nx ? w.unit_x[row] : w.unit_u[row - nx];
     unit = 1.0;
     std::memset(at.x, 0, s * sizeof(double));
@@ -96,17 +102,18 @@ class DualSolve {
     w.owner[slot] = row;
     return w.column_of[row] = static_cast<std::uint16_t>(slot);
   }
+  /// There is one: more are kept than a set has.
   std::uint32_t free_slot() {
-    if (w.columns < DualQp::kMost) return w.columns++;
-    for (std::uint32_t tried = 0; tried < DualQp::kMost; ++tried) {
-      const std::uint32_t slot = w.next = (w.next + 1) % DualQp::kMost;
-      bool used = false;
-      for (std::uint32_t i = 0; i < w.count; ++i) used = used || w.active[i].column == slot;
-      if (used) continue;
-      w.column_of[w.owner[slot]] = DualQp::kMost;
-      return slot;
-    }
-    return DualQp::kMost;
+    if (w.columns < w.kept) return w.columns++;
+    do w.next = (w.next + 1) % w.kept;
+    while (in_use(w.next));
+    w.column_of[w.owner[w.next]] = DualQp::kNone;
+    return w.next;
+  }
+  bool in_use(std::uint32_t slot) const {
+    for (std::uint32_t i = 0; i < w.count; ++i)
+      if (w.active[i].column == slot) return true;
+    return false;
   }
 
   // ---- without bounds -------------------------------------------------------------------------------
@@ -115,7 +122,7 @@ class DualSolve {
   bool take_base() {
     if (!(qp.repeats && w.sound)) {
       w.sound = w.has_start = false;
-      for (std::uint32_t slot = 0; slot < w.columns; ++slot) w.column_of[w.owner[slot]] = DualQp::kMost;
+      for (std::uint32_t slot = 0; slot < w.columns; ++slot) w.column_of[w.owner[slot]] = DualQp::kNone;
       w.columns = w.next = 0;
       for (std::size_t i = 0; i < nu; ++i) w.factor.held[i] = q.low && q.high && q.low[i] == q.high[i] ? 1 : 0;
       LqProblem all = q;
@@ -200,7 +207,6 @@ class DualSolve {
   bool append(std::uint32_t row, std::int8_t side) {
     if (w.count == DualQp::kMost) return false;
     const std::uint16_t slot = column_of(row);
-    if (slot == DualQp::kMost) return false;
     const double left = reduce(row, column(slot));
     if (!independent(left, row, column(slot))) return false;
     place(row, side, slot, left);
@@ -306,8 +312,8 @@ class DualSolve {
     if (has(row)) return Step::full;  // rounding has the last word
     const std::int8_t side = v > bound(row, 1) ? 1 : -1;
     if (!bounded(row, side)) return Step::full;
+    if (w.count == DualQp::kMost) return Step::full;
     const std::uint16_t slot = column_of(row);
-    if (slot == DualQp::kMost || w.count == DualQp::kMost) return Step::full;
     const double* response = column(slot);
     double y = 0.0;
     for (;;) {
@@ -339,6 +345,45 @@ class DualSolve {
       const std::uint32_t gone = w.active[first].row;
       filter([gone](const DualQp::Active& a) { return a.row != gone; });
     }
+  }
+
+  /// Whether the multipliers of the states prove that there is no solution (Farkas): the sum of the bounds that they
+  /// weigh is exceeded whatever the inputs within theirs are. Asked as they grow, since they do without end then.
+  bool impossible() {
+    double size = 0.0, sum = 0.0, scale = 0.0, *p = at.multiplier;
+    for (std::uint32_t i = 0; i < w.count; ++i)
+      if (w.active[i].row < nx) size += std::fabs(w.active[i].y);
+    if (!(size > kGrown * asked_)) return false;
+    asked_ = size;
+    const auto add = [&](double term) {
+      sum += term;
+      scale += std::fabs(term);
+    };
+    std::memset(p, 0, nx * sizeof(double));
+    for (std::uint32_t i = 0; i < w.count; ++i) {
+      const DualQp::Active& a = w.active[i];
+      if (a.row >= nx) continue;
+      p[a.row] = a.y;
+      add(-a.y * bound(a.row, a.side));
+    }
+    for (std::size_t k = N; k-- > 0;) {
+      const double* next = p + (k + 1) * s;
+      for (std::size_t i = 0; i < m; ++i) {
+        double slope = 0.0;
+        for (std::size_t j = 0; j < s; ++j) slope += q.b[(k * s + j) * m + i] * next[j];
+        if (slope == 0.0) continue;
+        const double least = q.low ? (slope > 0.0 ? q.low : q.high)[k * m + i] : -INFINITY;
+        if (!std::isfinite(least)) return false;
+        add(slope * least);
+      }
+      for (std::size_t j = 0; j < s; ++j) {
+        if (q.c) add(q.c[k * s + j] * next[j]);
+        const double* a = q.a + (k * s + j) * q.states;
+        for (std::size_t i = 0; i < q.states; ++i) p[k * s + j / q.states * q.states + i] += a[i] * next[j];
+      }
+    }
+    for (std::size_t j = 0; j < s; ++j) add(p[j] * qp.start[j]);
+    return sum > kProof * scale;
   }
 
   void finish() {
@@ -381,12 +426,18 @@ class DualSolve {
   const DualRows& rows;
   std::size_t m = 0, s = 0, N = 0, nx = 0, nu = 0;
   double tolerance = 0.0;
+  double asked_ = 0.0;  // size of the multipliers that were asked last
   std::uint32_t most = 0;
 };
 
 std::size_t column_length(const LqProblem& sizes) {
   const std::size_t s = std::size_t{sizes.states} * sizes.scenarios, N = sizes.horizon;
   return 2 * (N + 1) * s + N * sizes.inputs;
+}
+
+/// All rows' where they fit; at least those of a set and the one that comes in.
+std::uint32_t columns_kept(std::size_t rows, std::size_t length) {
+  return static_cast<std::uint32_t>(std::max(std::min(rows, kKept / length), std::size_t{DualQp::kMost} + 1));
 }
 
 }  // namespace
@@ -407,15 +458,16 @@ DualQp lay_out_dual_set(Arena& arena, const LqProblem& sizes, const LqKernel& ke
   w.start = arena.take<double>(s * w.length);
   w.offset = arena.take<double>(w.length);
   w.base = arena.take<double>(w.length);
-  w.column = arena.take<double>(DualQp::kMost * w.length);
-  w.owner = arena.take<std::uint32_t>(DualQp::kMost);
+  w.kept = columns_kept(nx - s + nu, w.length);
+  w.column = arena.take<double>(w.kept * w.length);
+  w.owner = arena.take<std::uint32_t>(w.kept);
   w.column_of = arena.take<std::uint16_t>(nx + nu);
   w.unit_x = arena.take<double>(nx);
   w.unit_u = arena.take<double>(nu);
   w.cholesky = arena.take<double>(DualQp::kMost * DualQp::kMost);
   w.gap = arena.take<double>(DualQp::kMost);
   w.held = arena.take<std::int8_t>(nx);
-  for (std::size_t i = 0; !arena.measuring() && i < nx + nu; ++i) w.column_of[i] = DualQp::kMost;
+  for (std::size_t i = 0; !arena.measuring() && i < nx + nu; ++i) w.column_of[i] = DualQp::kNone;
   return w;
 }
 

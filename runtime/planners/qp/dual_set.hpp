@@ -14,6 +14,7 @@ namespace tiller {
 /// Worth its memory where columns are short: worth_dual_set is the rule. Soft bounds and cones are for others.
 struct DualQp {
   static constexpr std::uint32_t kMost = 64;  // bounds at once; more are for a method that is linear in the horizon
+  static constexpr std::uint16_t kNone = 0xffff;
   struct Active {
     std::uint32_t row = 0;  // of (x, u)
     std::int8_t side = 0;   // 1: high, -1: low
@@ -27,9 +28,10 @@ struct DualQp {
   double* start = nullptr;    // (s x length) response to the start; a column is (x, u, multipliers of the dynamics)
   double* offset = nullptr;   // (length) with the start zero
   double* base = nullptr;     // (length) without bounds
-  double* column = nullptr;   // (kMost x length)
-  std::uint32_t* owner = nullptr;      // (kMost) rows of the columns
-  std::uint16_t* column_of = nullptr;  // (x and u) kMost: none
+  double* column = nullptr;   // (kept x length)
+  std::uint32_t kept = 0;
+  std::uint32_t* owner = nullptr;      // (kept) rows of the columns
+  std::uint16_t* column_of = nullptr;  // (x and u) or kNone
   double *unit_x = nullptr, *unit_u = nullptr;  // zeros, but for one while its column is made
   double* cholesky = nullptr;                   // (kMost x kMost) lower, its diagonal inverted
   double* gap = nullptr;                        // (kMost) scratch
