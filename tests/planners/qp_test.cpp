@@ -40,12 +40,13 @@ TEST(Qp, random_feasible_problems_meet_the_optimality_conditions) {
 
 /// Programs of which the start alone changes, on one workspace: sets are shifted, change, fail to settle and give way to
 /// the interior point (whose factor is another), and every program still meets its conditions.
-TEST(Qp, programs_that_repeat_meet_the_optimality_conditions) {
+TEST(Qp, programs_that_repeat_meet_the_optimality_conditions_by_sweeps) {
   double worst = 0.0;
   std::uint32_t swept = 0, interior = 0;
   for (std::uint64_t seed = 1; seed <= 100; ++seed) {
     OwnedQp p = random_qp(seed);
     RiccatiSolver solver(p);
+    solver.work.dual.length = 0;  // as of programs too long for it
     const std::size_t s = p.start.size();
     for (int step = 0; step < 12; ++step) {
       p.qp.repeats = step > 0;

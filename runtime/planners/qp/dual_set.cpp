@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <initializer_list>
 
 #include "scalar/isa_copies.hpp"
 
@@ -19,6 +20,7 @@ namespace {
 
 constexpr std::size_t kLongest = 10000;     // numbers of a column, of which 65 at least are kept: 5 MB
 constexpr std::size_t kKept = 400000;       // numbers of all columns that are kept, where they are shorter: 3 MB
+constexpr std::size_t kStartColumns = 48;    // that are added up in one pass
 constexpr std::uint32_t kAtOnce = 4;        // rounds in which all that is exceeded comes in and all that pulls goes
 constexpr std::uint32_t kMostSteps = 400;   // single steps; a set of 64 settles in far fewer
 constexpr double kDependent = 1e-11;        // share of a bound's own curvature that the set leaves of it
@@ -64,6 +66,7 @@ class DualSolve {
       finish();
       break;
     }
+    if (report.status == QpStatus::infeasible) leave_within();
     return report;
   }
 
@@ -133,9 +136,12 @@ class DualSolve {
       return true;
     }
     if (!w.has_start) take_start();
-    const double* columns[kMostQpStates];
-    for (std::size_t i = 0; i < s; ++i) columns[i] = w.start + i * w.length;
-    rows.combine(w.offset, columns, qp.start, s, w.length, w.base);
+    const double *columns[kStartColumns], *from = w.offset;
+    for (std::size_t first = 0; first < s; first += kStartColumns, from = w.base) {
+      const std::size_t count = std::min(kStartColumns, s - first);
+      for (std::size_t i = 0; i < count; ++i) columns[i] = w.start + (first + i) * w.length;
+      rows.combine(from, columns, qp.start + first, count, w.length, w.base);
+    }
     return true;
   }
   void roll(const double* start, double* out) {
@@ -403,9 +409,29 @@ class DualSolve {
         at.u[a.row - nx] = bound(a.row, a.side);
       }
     }
-    for (std::size_t i = 0; q.low && i < nu; ++i) at.u[i] = std::min(std::max(at.u[i], q.low[i]), q.high[i]);
+    clip_inputs();
     for (std::size_t i = 0; i < nu; ++i)
       if (w.factor.held[i]) take_fixed(i);
+  }
+  void clip_inputs() {
+    for (std::size_t i = 0; q.low && i < nu; ++i) at.u[i] = std::min(std::max(at.u[i], q.low[i]), q.high[i]);
+  }
+  /// Where there is no solution: inputs within their bounds, the states that follow, no multipliers.
+  void leave_within() {
+    combine();
+    clip_inputs();
+    std::memcpy(at.x, qp.start, s * sizeof(double));
+    for (std::size_t row = s; row < nx; ++row) {
+      const std::size_t k = row / s - 1, j = row % s;
+      const double *a = q.a + (row - s) * q.states, *b = q.b + (row - s) * m;
+      const double* x = at.x + k * s + j / q.states * q.states;
+      double sum = q.c ? q.c[row - s] : 0.0;
+      for (std::size_t i = 0; i < q.states; ++i) sum += a[i] * x[i];
+      for (std::size_t i = 0; i < m; ++i) sum += b[i] * at.u[k * m + i];
+      at.x[row] = sum;
+    }
+    for (double* none : {at.multiplier, at.state_multiplier}) std::memset(none, 0, nx * sizeof(double));
+    std::memset(at.input_multiplier, 0, nu * sizeof(double));
   }
   /// An input without room: its multiplier is what pulls at it.
   void take_fixed(std::size_t i) {

@@ -1,0 +1,197 @@
+// The dual active set on kept responses: against optimality conditions that it does not compute itself, and against the
+// interior point.
+
+#include <gtest/gtest.h>
+
+#include "qp_problem.hpp"
+
+namespace tiller_test {
+namespace {
+
+using tiller::QpReport;
+using tiller::QpStatus;
+
+/// Random programs whose bounds are all hard.
+OwnedQp random_hard_qp(std::uint64_t seed) {
+  OwnedQp p = random_qp(seed);
+  std::fill(p.linear.begin(), p.linear.end(), kNoBound);
+  return p;
+}
+
+QpReport solve_dual(RiccatiSolver& s, const OwnedQp& p) {
+  return solve_dual_set(s.work.dual, p.qp, s.limits, s.work.set.held, s.solution);
+}
+
+TEST(DualSet, random_programs_meet_the_optimality_conditions) {
+  double worst = 0.0;
+  int solved = 0;
+  for (std::uint64_t seed = 1; seed <= 300; ++seed) {
+    const OwnedQp p = random_hard_qp(seed);
+    RiccatiSolver dual(p), interior(p);
+    const QpReport report = solve_dual(dual, p);
+    if (report.status == QpStatus::capped) continue;
+    ASSERT_EQ(report.status, QpStatus::solved) << "seed " << seed;  // a sampled trajectory keeps the bounds
+    ++solved;
+    const double residual = kkt_residual(p.qp, dual.solution).worst();
+    EXPECT_LE(residual, 1e-9) << "seed " << seed;
+    worst = std::max(worst, residual);
+    ASSERT_EQ(interior.interior(p).status, QpStatus::solved) << "seed " << seed;
+    EXPECT_NEAR(qp_cost(p.qp, dual.solution), qp_cost(p.qp, interior.solution),
+                1e-7 * (1.0 + std::fabs(qp_cost(p.qp, interior.solution))));
+    for (std::size_t i = 0; i < p.low.size(); ++i) {
+      EXPECT_GE(dual.solution.u[i], p.low[i]);
+      EXPECT_LE(dual.solution.u[i], p.high[i]);
+    }
+  }
+  EXPECT_GT(solved, 240) << "it gives up where fewer than 64 bounds are active";
+  std::printf("%d of 300 solved, largest KKT residual %.1e\n", solved, worst);
+}
+
+/// The start moves away until no input keeps the states' bounds: both methods find the same programs without a solution,
+/// but for those at the very edge.
+TEST(DualSet, says_infeasible_where_the_interior_point_does) {
+  int both = 0, apart = 0, programs = 0;
+  for (std::uint64_t seed = 1; seed <= 120; ++seed) {
+    OwnedQp p = random_hard_qp(seed);
+    for (const double scale : {1.0, 2.0, 4.0, 8.0}) {
+      const std::vector<double> start = p.start;
+      for (double& x : p.start) x *= scale;
+      RiccatiSolver dual(p), interior(p);
+      const QpReport ours = solve_dual(dual, p), theirs = interior.interior(p);
+      p.start = start;
+      p.bind();
+      if (ours.status == QpStatus::capped || theirs.status == QpStatus::capped) continue;
+      ++programs;
+      apart += ours.status != theirs.status;
+      both += ours.status == QpStatus::infeasible && theirs.status == QpStatus::infeasible;
+    }
+  }
+  EXPECT_GT(both, 50);
+  EXPECT_LE(apart, programs / 100);
+  std::printf("%d programs, %d without a solution, %d told apart\n", programs, both, apart);
+}
+
+/// Of a sequence the start alone changes; sets are shifted, wrong, and right. The solutions are those of fresh
+/// workspaces, and a second run repeats the bits of the first.
+TEST(DualSet, repeats_are_as_good_as_fresh_solves_and_repeat_their_bits) {
+  double worst = 0.0;
+  for (std::uint64_t seed = 1; seed <= 60; ++seed) {
+    OwnedQp p = random_hard_qp(seed);
+    RiccatiSolver first(p), second(p);
+    const std::size_t s = p.start.size();
+    for (int step = 0; step < 10; ++step) {
+      p.qp.repeats = step > 0;
+      const QpReport a = first.solve(p), b = second.solve(p);
+      ASSERT_EQ(a.status, b.status);
+      ASSERT_EQ(a.iterations, b.iterations);
+      if (a.status == QpStatus::infeasible) break;
+      ASSERT_EQ(a.status, QpStatus::solved) << "seed " << seed << " step " << step;
+      ASSERT_EQ(std::memcmp(first.solution.u, second.solution.u, p.qu.size() * sizeof(double)), 0);
+      worst = std::max(worst, kkt_residual(p.qp, first.solution).worst());
+      OwnedQp alone = p;
+      alone.qp.repeats = false;
+      RiccatiSolver fresh(alone);
+      ASSERT_EQ(fresh.solve(alone).status, QpStatus::solved);
+      for (std::size_t i = 0; i < p.qu.size(); ++i)
+        ASSERT_NEAR(fresh.solution.u[i], first.solution.u[i], 1e-6) << "seed " << seed << " step " << step;
+      p.start.assign(first.solution.x + s, first.solution.x + 2 * s);
+      for (double& x : p.start) x *= step % 3 == 2 ? -1.2 : 1.0;
+      p.bind();
+      shift_active_set(first.work, p.qp.lq, 1);
+      shift_active_set(second.work, p.qp.lq, 1);
+    }
+  }
+  EXPECT_LE(worst, 1e-8);
+}
+
+/// An integrator whose next state is its input, so that a state's bound and an input's are one and the same: the set
+/// cannot hold both, and needs no more than one.
+TEST(DualSet, bounds_that_say_the_same_twice) {
+  OwnedQp p(1, 1, 12);
+  for (std::size_t k = 0; k < 12; ++k) {
+    p.b[k] = p.quu[k] = 1.0;
+    p.qu[k] = k % 2 ? 3.0 : -3.0;
+    p.low[k] = -1.0;
+    p.high[k] = 1.0;
+  }
+  for (double& h : p.qxx) h = 1.0;
+  p.bound_state(0, -1.0, 1.0);
+  RiccatiSolver solver(p);
+  for (int i = 0; i < 3; ++i) {
+    ASSERT_EQ(solver.solve(p).status, QpStatus::solved);
+    EXPECT_LE(kkt_residual(p.qp, solver.solution).worst(), 1e-12);
+    p.qp.repeats = true;
+  }
+  p.bound_state(0, 2.0, 3.0);  // where no input leads
+  p.qp.repeats = false;
+  EXPECT_EQ(solver.solve(p).status, QpStatus::infeasible);
+}
+
+/// The optimum without bounds stands on a bound exactly: its multiplier is zero.
+TEST(DualSet, a_bound_that_is_touched_alone) {
+  OwnedQp p(1, 1, 5);
+  for (std::size_t k = 0; k < 5; ++k) {
+    p.a[k] = p.b[k] = p.quu[k] = 1.0;
+    p.qu[k] = -1.0;
+    p.low[k] = -1.0;
+    p.high[k] = 1.0;
+  }
+  RiccatiSolver solver(p);
+  for (int i = 0; i < 3; ++i) {
+    ASSERT_EQ(solver.solve(p).status, QpStatus::solved);
+    for (std::size_t k = 0; k < 5; ++k) EXPECT_DOUBLE_EQ(solver.solution.u[k], 1.0);
+    EXPECT_LE(kkt_residual(p.qp, solver.solution).worst(), 1e-12);
+    p.qp.repeats = true;
+  }
+}
+
+TEST(DualSet, inputs_without_room_beside_bounds_on_states) {
+  int solved = 0;
+  for (std::uint64_t seed = 1; seed <= 100; ++seed) {
+    OwnedQp p = random_hard_qp(seed);
+    for (std::size_t i = 0; i < p.low.size(); i += 3) p.low[i] = p.high[i] = 0.5 * (p.low[i] + p.high[i]);
+    RiccatiSolver solver(p);
+    const QpReport report = solve_dual(solver, p);
+    if (report.status != QpStatus::solved) continue;
+    ++solved;
+    EXPECT_LE(kkt_residual(p.qp, solver.solution).worst(), 1e-9) << "seed " << seed;
+  }
+  EXPECT_GT(solved, 50);
+}
+
+/// More active bounds than a set has room for: the sweeps take over, and the answer is as good.
+TEST(DualSet, gives_way_where_too_many_bounds_are_active) {
+  OwnedQp p(2, 1, 120);
+  for (std::size_t k = 0; k < 120; ++k) {
+    p.a[4 * k] = p.a[4 * k + 3] = 1.0;
+    p.a[4 * k + 1] = p.b[2 * k + 1] = 0.1;
+    p.quu[k] = 0.01;
+    p.low[k] = -0.05;
+    p.high[k] = 0.05;
+  }
+  for (std::size_t k = 0; k <= 120; ++k) p.qxx[4 * k] = 1.0;
+  p.start = {5.0, 0.0};
+  p.bind();
+  RiccatiSolver solver(p);
+  EXPECT_EQ(solve_dual(solver, p).status, QpStatus::capped);
+  ASSERT_EQ(solver.solve(p).status, QpStatus::solved);
+  EXPECT_LE(kkt_residual(p.qp, solver.solution).worst(), 1e-8);
+}
+
+/// A start that is not a number, between two that are, on a workspace that repeats.
+TEST(DualSet, a_start_that_is_not_a_number_is_not_solved) {
+  OwnedQp p = random_hard_qp(3);
+  RiccatiSolver solver(p);
+  ASSERT_EQ(solver.solve(p).status, QpStatus::solved);
+  const std::vector<double> first(solver.solution.u, solver.solution.u + p.qu.size()), start = p.start;
+  p.qp.repeats = true;
+  p.start[0] = NAN;
+  EXPECT_NE(solver.solve(p).status, QpStatus::solved);
+  p.start = start;
+  p.bind();
+  ASSERT_EQ(solver.solve(p).status, QpStatus::solved);
+  for (std::size_t i = 0; i < first.size(); ++i) EXPECT_NEAR(solver.solution.u[i], first[i], 1e-9);
+}
+
+}  // namespace
+}  // namespace tiller_test
