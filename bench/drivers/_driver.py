@@ -56,6 +56,23 @@ def need_environment(name, *how):
 # ---- programs --------------------------------------------------------------------------------------
 
 
+def compile_peer(name, sources, flags):
+    """The path of the program that is built from peers/NAME.cpp and the sources, or None."""
+    program = HOME / "bin" / name
+    inputs = [PEERS / f"{name}.cpp", *BENCH.glob("problems/*.hpp"), *BENCH.glob("table/*.hpp")]
+    if program.exists() and all(program.stat().st_mtime > i.stat().st_mtime for i in inputs):
+        return program
+    program.parent.mkdir(parents=True, exist_ok=True)
+    note(f"building {name}")
+    command = ["c++", "-std=c++17", "-O3", "-DNDEBUG", "-w", f"-I{ROOT}", str(PEERS / f"{name}.cpp"),
+               *map(str, sources), *flags, "-o", str(program)]
+    with open(HOME / f"{name}.log", "w", encoding="utf-8") as log:
+        if subprocess.run(command, stdout=log, stderr=log, check=False).returncode == 0:
+            return program
+    note(f"it does not build here; see {(HOME / name).relative_to(ROOT)}.log")
+    return None
+
+
 def _pin():
     os.sched_setaffinity(0, {CORE})
 

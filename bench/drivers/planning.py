@@ -20,27 +20,10 @@ import pathlib
 import statistics
 import subprocess
 
-from _driver import (BENCH, HOME, PEERS, ROOT, Participant, lines_of, need_environment, note, python_of, site_packages, spread,
-                     take_turns)
+from _driver import (HOME, PEERS, ROOT, Participant, compile_peer, lines_of, need_environment, note, python_of,
+                     site_packages, spread, take_turns)
 
 # ---- programs of the peers -------------------------------------------------------------------------
-
-
-def compile_peer(name, sources, flags):
-    """The program's path, or None."""
-    program = HOME / "bin" / name
-    inputs = [PEERS / f"{name}.cpp", *BENCH.glob("problems/*.hpp"), *BENCH.glob("table/*.hpp")]
-    if program.exists() and all(program.stat().st_mtime > i.stat().st_mtime for i in inputs):
-        return program
-    program.parent.mkdir(parents=True, exist_ok=True)
-    note(f"building {name}")
-    command = ["c++", "-std=c++17", "-O3", "-DNDEBUG", "-w", f"-I{ROOT}", str(PEERS / f"{name}.cpp"),
-               *map(str, sources), *flags, "-o", str(program)]
-    with open(HOME / f"{name}.log", "w", encoding="utf-8") as log:
-        if subprocess.run(command, stdout=log, stderr=log, check=False).returncode == 0:
-            return program
-    note(f"it does not build here; see {(HOME / name).relative_to(ROOT)}.log")
-    return None
 
 
 def crocoddyl_program():

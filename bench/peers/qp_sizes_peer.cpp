@@ -68,7 +68,7 @@ struct Hpipm final : Peer {
   d_ocp_qp_ipm_arg arg;
   d_ocp_qp_ipm_ws ws;
 
-  explicit Hpipm(const MpcPrograms& programs) : Peer(programs) {
+  explicit Hpipm(const MpcPrograms& programs, hpipm_mode mode) : Peer(programs) {
     const auto take = [&](std::size_t size) {
       memory.emplace_back(new char[size + 64]);
       return memory.back().get();
@@ -83,7 +83,7 @@ struct Hpipm final : Peer {
     d_ocp_qp_create(&dim, &qp, take(d_ocp_qp_memsize(&dim)));
     d_ocp_qp_sol_create(&dim, &sol, take(d_ocp_qp_sol_memsize(&dim)));
     d_ocp_qp_ipm_arg_create(&dim, &arg, take(d_ocp_qp_ipm_arg_memsize(&dim)));
-    d_ocp_qp_ipm_arg_set_default(SPEED, &arg);
+    d_ocp_qp_ipm_arg_set_default(mode, &arg);
     double tolerance = kTolerance;
     int most = 200;
     d_ocp_qp_ipm_arg_set_tol_stat(&tolerance, &arg);
@@ -394,9 +394,9 @@ struct ProxQp final : Peer {
 // ---- rounds ----------------------------------------------------------------------------------------
 
 /// None in the place of a solver that needs seconds for one program.
-template <class Kind>
-void add(std::vector<Contender>& all, const char* name, const MpcPrograms& p, const MpcCase& c) {
-  auto peer = std::make_shared<Kind>(p);
+template <class Kind, class... Mode>
+void add(std::vector<Contender>& all, const char* name, const MpcPrograms& p, const MpcCase& c, Mode... mode) {
+  auto peer = std::make_shared<Kind>(p, mode...);
   const bool cold = c.name == "cold", none = c.name == "infeasible";
   peer->set_up();
   const auto solve = [peer, &c, cold](int i) {
@@ -435,7 +435,8 @@ int main(int argc, char** argv) {
   const MpcCase& c = p.of(argv[2]);
   const int inputs = p.m * p.horizon;
   std::vector<Contender> all;
-  add<Hpipm>(all, "HPIPM", p, c);
+  add<Hpipm>(all, "HPIPM", p, c, SPEED);
+  add<Hpipm>(all, "HPIPM, balance", p, c, BALANCE);
   if (inputs <= kMostDenseCold || c.name != "cold") add<Daqp>(all, "DAQP", p, c);
   if (inputs <= kMostQpOases) add<QpOases>(all, "qpOASES", p, c);
   add<Osqp>(all, "OSQP", p, c);

@@ -31,8 +31,8 @@ constexpr double kShareOfTolerance = 0.1;   // what a bound may be exceeded by
 
 class DualSolve {
  public:
-  DualSolve(DualQp& work, const Qp& program, const QpLimits& limits, std::int8_t* inputs, QpSolution& solution)
-      : w(work), qp(program), q(program.lq), at(solution), held(inputs), rows(select_dual_rows()) {
+  DualSolve(DualQp& work, const Qp& program, const QpLimits& given, std::int8_t* inputs, QpSolution& solution)
+      : w(work), qp(program), q(program.lq), limits(given), at(solution), held(inputs), rows(select_dual_rows()) {
     m = q.inputs, s = program.stacked(), N = q.horizon;
     nx = (N + 1) * s, nu = N * m;
     tolerance = kShareOfTolerance * limits.tolerance;
@@ -44,6 +44,7 @@ class DualSolve {
     if (!take_base()) return report;
     warm_start();
     for (report.status = QpStatus::capped; report.iterations < most; ++report.iterations) {
+      if (report.iterations > 0 && limits.deadline.passed()) break;
       solve_multipliers();
       if (drop_wrong()) continue;
       combine();
@@ -447,6 +448,7 @@ class DualSolve {
   DualQp& w;
   const Qp& qp;
   const LqProblem& q;
+  const QpLimits& limits;
   QpSolution& at;
   std::int8_t* held;
   const DualRows& rows;

@@ -47,8 +47,7 @@ bool worth_dual_set(const LqProblem& sizes);
 DualQp lay_out_dual_set(Arena& arena, const LqProblem& sizes, const LqKernel& kernel);
 
 /// Starts from `held` (N x m) and its own of the states; leaves the set in them. Solved; infeasible: inputs are within
-/// their bounds and states follow from them; broken; capped: for another method, `solution` is scratch then. The
-/// deadline is not read: a set has 64 bounds at most.
+/// their bounds and states follow from them; broken; capped: for another method, `solution` is scratch then.
 QpReport solve_dual_set(DualQp& work, const Qp& qp, const QpLimits& limits, std::int8_t* held, QpSolution& solution);
 
 }  // namespace tiller
