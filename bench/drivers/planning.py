@@ -60,6 +60,8 @@ def participants(build, torch):
     if have_main:
         programs.append([python_of("main"), PEERS / "osqp_peer.py", hover])
         programs.append([python_of("main"), PEERS / "mujoco_peer.py"])
+    if need_environment("casadi"):
+        programs.append([python_of("casadi"), PEERS / "casadi_peer.py"])
     if hover.exists() and need_environment("qp"):
         programs.append([python_of("qp"), PEERS / "qp_peers.py", hover])
     if torch and need_environment("torch"):
@@ -72,19 +74,20 @@ def participants(build, torch):
 # title, ours (the quickest that passes its check counts), peers, unit, goal for ours in that unit
 ROWS = [
     ("iLQR, N=50, free: one iteration", ["tiller ilqr single free/iteration", "tiller ilqr multiple free/iteration"],
-     ["crocoddyl DDP free/iteration", "crocoddyl FDDP free/iteration", "mim_solvers SQP free/iteration"], "us", 5.0),
+     ["crocoddyl DDP free/iteration", "crocoddyl FDDP free/iteration", "mim_solvers SQP free/iteration",
+      "FATROP free/iteration"], "us", 5.0),
     ("iLQR, N=50, free: to the optimum", ["tiller ilqr single free", "tiller ilqr multiple free"],
-     ["crocoddyl DDP free", "crocoddyl FDDP free", "mim_solvers SQP free"], "us", 120.0),
+     ["crocoddyl DDP free", "crocoddyl FDDP free", "mim_solvers SQP free", "FATROP free", "ALPAQA free"], "us", 120.0),
     ("iLQR, N=50, |u| <= 20: to the optimum", ["tiller ilqr single box", "tiller ilqr multiple box"],
-     ["crocoddyl BoxDDP box", "crocoddyl BoxFDDP box", "mim_solvers CSQP box"], "us", 220.0),
-    ("SQP, N=50, free: to the optimum", ["tiller sqp free"], ["mim_solvers SQP free"], "us", None),
-    ("SQP, N=50, |u| <= 20: to the optimum", ["tiller sqp box"], ["crocoddyl BoxFDDP box", "mim_solvers CSQP box"],
-     "us", None),
+     ["crocoddyl BoxDDP box", "crocoddyl BoxFDDP box", "mim_solvers CSQP box", "FATROP box", "ALPAQA box"], "us", 220.0),
+    ("SQP, N=50, free: to the optimum", ["tiller sqp free"], ["mim_solvers SQP free", "FATROP free"], "us", None),
+    ("SQP, N=50, |u| <= 20: to the optimum", ["tiller sqp box"], ["crocoddyl BoxFDDP box", "mim_solvers CSQP box",
+                                                                 "FATROP box"], "us", None),
     ("MPPI, K=1536, N=50, fresh noise: one iteration", ["tiller mppi"], ["pytorch_mppi"], "us", 90.0),
     ("rollout step, f32 batch", ["tiller rollout"], ["MuJoCo rollout"], "ns", None),
     ("hover QP 12/4/10, first input to 1e-4", ["tiller qp riccati hover"],
      ["OSQP hover", "TinyMPC hover", "TinyMPC hover, 1e-3", "PIQP hover", "ProxQP hover", "Clarabel hover",
-      "DAQP hover"], "us", 5.0),
+      "DAQP hover"], "us", 1.5),
     ("hover QP by OSQP inside tiller", ["tiller qp osqp hover"], ["OSQP hover"], "us", None),
 ]
 SCALE = {"us": 1e6, "ns": 1e9}
@@ -133,6 +136,7 @@ def peer_table(facts, times):
         if best is None:
             print(f"  {'tiller':<42} {'none that reaches it in this build':<40} short")
             short += goal is None or not any(n in times for n in ours)
+        ahead = []
         for name in peers:
             if name not in times:
                 print(f"  {name:<42} {'not measured: ' + NOT_HERE.get(name, 'could not be installed or built here')}")
@@ -140,14 +144,19 @@ def peer_table(facts, times):
             low, high = spread(times[name])
             figure = statistics.median(times[name]) * scale
             ratio = ""
-            if best:
+            if not passed(facts[name]):
+                ratio = "NOT REACHED"
+            elif best:
                 r = statistics.median(p / o for p, o in zip(times[name], times[best]))
                 good = r >= 1.0
                 met, short = met + good, short + (not good)
                 ratio = f"{r:7.3g} x ours  {'met' if good else 'short'}"
+                ahead.append((r, name))
             print(f"  {name:<42} {figure:9.4g} {unit} [{low * scale:.4g}, {high * scale:.4g}]  {ratio:<20} "
                   f"{reached(facts[name])}")
             report.append({"row": title, "name": name, "figure": figure, "unit": unit, **facts[name]})
+        if ahead:
+            print("  best peer: {1}, {0:.3g} x ours".format(*min(ahead)))
     print(f"\n{met} rows met, {short} short (a peer's row is met where tiller is the quicker)")
     return report
 

@@ -40,10 +40,12 @@ WITHIN = 1e-5
 def daqp_objects():
     """DAQP's C source, compiled as its wheel is, but for this processor."""
     folder = HOME / DAQP / "csrc"
-    if not folder.exists():
+    archive = HOME / f"{DAQP}.tar.gz"
+    if not archive.exists():
         subprocess.run([str(python_of("qp_c")), "-m", "pip", "download", "-q", "--disable-pip-version-check", "--no-deps",
-                        "--no-binary", ":all:", DAQP.replace("-", "=="), "-d", str(HOME)], check=True)
-        subprocess.run(["tar", "xzf", str(HOME / f"{DAQP}.tar.gz"), "-C", str(HOME)], check=True)
+                        "--no-binary", "daqp", DAQP.replace("-", "=="), "-d", str(HOME)], check=True)
+    if not folder.exists():
+        subprocess.run(["tar", "xzf", str(archive), "-C", str(HOME)], check=True)
     objects = []
     for source in sorted(folder.glob("src/*.c")):
         objects.append(HOME / DAQP / f"{source.stem}.o")
