@@ -4,17 +4,17 @@
 //
 //   qp_sizes_peer FILE CASE
 
-#include <blasfeo_target.h>
 #include <blasfeo_common.h>
+#include <blasfeo_target.h>
 #include <hpipm_d_ocp_qp.h>
 #include <hpipm_d_ocp_qp_dim.h>
 #include <hpipm_d_ocp_qp_ipm.h>
 #include <hpipm_d_ocp_qp_sol.h>
 
+#include <osqp/osqp.h>
 #include <Eigen/Dense>
 #include <Eigen/Sparse>
 #include <memory>
-#include <osqp/osqp.h>
 #include <piqp/piqp.hpp>
 #include <proxsuite/proxqp/sparse/sparse.hpp>
 #include <qpOASES.hpp>
@@ -33,7 +33,7 @@ using Sparse = Eigen::SparseMatrix<double>;
 using Eigen::Map;
 
 constexpr double kTolerance = 1e-8;
-constexpr double kMostSeconds = 3.0;  // for a case: beyond, a solver is left out
+constexpr double kMostSeconds = 3.0;                     // for a case: beyond, a solver is left out
 constexpr int kMostDenseCold = 400, kMostQpOases = 400;  // inputs over the horizon: beyond, a solve takes seconds
 
 enum class Outcome { solved, infeasible, failed };
@@ -152,7 +152,8 @@ struct Condensed {
         w = (i == N - 1 ? peer.qf : peer.q) * to + at * w;
         h.block(i * m, j * m, m, m) = bt * w;
         h.block(j * m, i * m, m, m) = h.block(i * m, j * m, m, m).transpose();
-        for (int c = 0; c < nb; ++c) rows.block(i * nb + c, j * m, 1, m) = to.row(peer.bounded[static_cast<std::size_t>(c)]);
+        for (int c = 0; c < nb; ++c)
+          rows.block(i * nb + c, j * m, 1, m) = to.row(peer.bounded[static_cast<std::size_t>(c)]);
       }
       h.block(j * m, j * m, m, m) += peer.r;
     }
@@ -218,7 +219,9 @@ struct Daqp final : Peer {
     result.x = x.data(), result.lam = lam.data();
     daqp_update_ldp(DAQP_UPDATE_v + DAQP_UPDATE_d, &work, &qp);
     daqp_solve(&result, &work);
-    return result.exitflag > 0 ? Outcome::solved : result.exitflag == DAQP_EXIT_INFEASIBLE ? Outcome::infeasible : Outcome::failed;
+    return result.exitflag > 0                       ? Outcome::solved
+           : result.exitflag == DAQP_EXIT_INFEASIBLE ? Outcome::infeasible
+                                                     : Outcome::failed;
   }
   void first_input(double* u) const override { std::copy(x.data(), x.data() + m, u); }
 };
@@ -246,8 +249,9 @@ struct QpOases final : Peer {
     const Map<const Vector> at(start, n);
     f = c.f * at, upper = -c.lead * at, lower = upper - c.limit, upper += c.limit;
     int most = 10000;
-    const auto status = hot ? qp->hotstart(f.data(), low.data(), high.data(), lower.data(), upper.data(), most)
-                            : qp->init(c.h.data(), f.data(), c.rows.data(), low.data(), high.data(), lower.data(), upper.data(), most);
+    const auto status =
+        hot ? qp->hotstart(f.data(), low.data(), high.data(), lower.data(), upper.data(), most)
+            : qp->init(c.h.data(), f.data(), c.rows.data(), low.data(), high.data(), lower.data(), upper.data(), most);
     hot = status == qpOASES::SUCCESSFUL_RETURN;
     if (hot) {
       qp->getPrimalSolution(x.data());
@@ -333,7 +337,9 @@ struct Osqp final : Peer {
     osqp_update_data_vec(solver, nullptr, low.data(), high.data());
     osqp_solve(solver);
     const auto status = solver->info->status_val;
-    return status == OSQP_SOLVED ? Outcome::solved : status == OSQP_PRIMAL_INFEASIBLE ? Outcome::infeasible : Outcome::failed;
+    return status == OSQP_SOLVED              ? Outcome::solved
+           : status == OSQP_PRIMAL_INFEASIBLE ? Outcome::infeasible
+                                              : Outcome::failed;
   }
   void first_input(double* u) const override { std::copy(solver->solution->x, solver->solution->x + m, u); }
 };
@@ -350,14 +356,16 @@ struct Piqp final : Peer {
     solver->settings().eps_abs = kTolerance, solver->settings().eps_rel = 0.0;
     solver->settings().eps_duality_gap_abs = kTolerance, solver->settings().eps_duality_gap_rel = kTolerance;
     const Vector low = -c.limit;
-    solver->setup(c.hessian, Vector::Zero(c.limit.size()), c.dynamics, c.right, piqp::nullopt, piqp::nullopt, piqp::nullopt, low,
-                  c.limit);
+    solver->setup(c.hessian, Vector::Zero(c.limit.size()), c.dynamics, c.right, piqp::nullopt, piqp::nullopt,
+                  piqp::nullopt, low, c.limit);
   }
   Outcome solve(const double* start) override {
     c.right.head(n) = a * Map<const Vector>(start, n);
     solver->update(piqp::nullopt, piqp::nullopt, piqp::nullopt, c.right);
     const auto status = solver->solve();
-    return status == piqp::PIQP_SOLVED ? Outcome::solved : status == piqp::PIQP_PRIMAL_INFEASIBLE ? Outcome::infeasible : Outcome::failed;
+    return status == piqp::PIQP_SOLVED              ? Outcome::solved
+           : status == piqp::PIQP_PRIMAL_INFEASIBLE ? Outcome::infeasible
+                                                    : Outcome::failed;
   }
   void first_input(double* u) const override { std::copy(solver->result().x.data(), solver->result().x.data() + m, u); }
 };

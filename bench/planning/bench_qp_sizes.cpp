@@ -228,12 +228,13 @@ Contender contender(const MpcPrograms& given, const MpcCase& c) {
       if (none) continue;
       residual = std::max(residual, kkt_residual(programs->qp, programs->solution).worst());
       for (std::size_t j = 0; j < programs->m; ++j)
-        error = std::max(error, std::fabs(programs->solution.u[j] - c.u0[static_cast<std::size_t>(i) * programs->m + j]));
+        error =
+            std::max(error, std::fabs(programs->solution.u[j] - c.u0[static_cast<std::size_t>(i) * programs->m + j]));
     }
   char facts[200];
   std::snprintf(facts, sizeof facts,
-                "\"error\": %.3g, \"residual\": %.3g, \"unsolved\": %d, \"of\": %d, \"iterations\": %.1f", error, residual,
-                unsolved, 2 * c.count, iterations);
+                "\"error\": %.3g, \"residual\": %.3g, \"unsolved\": %d, \"of\": %d, \"iterations\": %.1f", error,
+                residual, unsolved, 2 * c.count, iterations);
   const auto call = [solve, &c] {
     for (int i = 0; i < c.count; ++i) solve(i);
   };
@@ -248,9 +249,10 @@ int main(int argc, char** argv) {
     return 0;
   }
   if (argc != 3) {
-    std::fprintf(stderr,
-                 "bench_qp_sizes write N_STATES N_INPUTS HORIZON FILE, or bench_qp_sizes FILE CASE with a CASE of cold, "
-                 "warm, changing, infeasible\n");
+    std::fprintf(
+        stderr,
+        "bench_qp_sizes write N_STATES N_INPUTS HORIZON FILE, or bench_qp_sizes FILE CASE with a CASE of cold, "
+        "warm, changing, infeasible\n");
     return 2;
   }
   const MpcPrograms programs(argv[1]);

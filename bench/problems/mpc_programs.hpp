@@ -64,7 +64,8 @@ struct MpcPrograms {
  private:
   static std::size_t size(int v) { return static_cast<std::size_t>(v); }
   [[noreturn]] static void fail(const char* what) {
-    std::fprintf(stderr, "%s: no MPC programs (bench_qp_sizes write N_STATES N_INPUTS HORIZON FILE makes them)\n", what);
+    std::fprintf(stderr, "%s: no MPC programs (bench_qp_sizes write N_STATES N_INPUTS HORIZON FILE makes them)\n",
+                 what);
     std::exit(2);
   }
   static std::vector<double> read(std::ifstream& file, std::size_t count) {

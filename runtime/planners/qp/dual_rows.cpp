@@ -11,8 +11,8 @@ TILLER_ISA_NAMESPACE_BEGIN
 namespace {
 
 template <int w>
-TILLER_INLINE void combine_piece(const double* base, const double* const* column, const double* share, std::size_t count,
-                                 std::size_t at, double* out) {
+TILLER_INLINE void combine_piece(const double* base, const double* const* column, const double* share,
+                                 std::size_t count, std::size_t at, double* out) {
   lq::Row<w> even = base ? lq::Row<w>::load(base + at) : lq::Row<w>::zero(), odd = lq::Row<w>::zero();
   std::size_t j = 0;
   for (; j + 1 < count; j += 2) {

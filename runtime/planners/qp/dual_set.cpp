@@ -18,16 +18,16 @@ const DualRows& select_dual_rows() {
 
 namespace {
 
-constexpr std::size_t kLongest = 10000;     // numbers of a column, of which 65 at least are kept: 5 MB
-constexpr std::size_t kKept = 400000;       // numbers of all columns that are kept, where they are shorter: 3 MB
-constexpr std::size_t kStartColumns = 48;    // that are added up in one pass
-constexpr std::uint32_t kAtOnce = 4;        // rounds in which all that is exceeded comes in and all that pulls goes
-constexpr std::uint32_t kMostSteps = 400;   // single steps; a set of 64 settles in far fewer
-constexpr double kDependent = 1e-11;        // share of a bound's own curvature that the set leaves of it
-constexpr std::uint32_t kPatience = 6;      // rounds without a search for a proof that there is no solution
-constexpr double kGrown = 2.0;              // the multipliers' growth from one search for a proof to the next
-constexpr double kProof = 1e-9;             // what a proof exceeds zero by, of its terms
-constexpr double kShareOfTolerance = 0.1;   // what a bound may be exceeded by
+constexpr std::size_t kLongest = 10000;    // numbers of a column, of which 65 at least are kept: 5 MB
+constexpr std::size_t kKept = 400000;      // numbers of all columns that are kept, where they are shorter: 3 MB
+constexpr std::size_t kStartColumns = 48;  // that are added up in one pass
+constexpr std::uint32_t kAtOnce = 4;       // rounds in which all that is exceeded comes in and all that pulls goes
+constexpr std::uint32_t kMostSteps = 400;  // single steps; a set of 64 settles in far fewer
+constexpr double kDependent = 1e-11;       // share of a bound's own curvature that the set leaves of it
+constexpr std::uint32_t kPatience = 6;     // rounds without a search for a proof that there is no solution
+constexpr double kGrown = 2.0;             // the multipliers' growth from one search for a proof to the next
+constexpr double kProof = 1e-9;            // what a proof exceeds zero by, of its terms
+constexpr double kShareOfTolerance = 0.1;  // what a bound may be exceeded by
 
 class DualSolve {
  public:
@@ -41,6 +41,10 @@ class DualSolve {
 
   QpReport solve() {
     QpReport report;
+    if (!q.low != !q.high || !qp.state_low != !qp.state_high) {  // bounds have two sides here
+      report.status = QpStatus::capped;
+      return report;
+    }
     if (!take_base()) return report;
     warm_start();
     for (report.status = QpStatus::capped; report.iterations < most; ++report.iterations) {

@@ -25,13 +25,13 @@ struct DualQp {
   LqFactor factor;    // without bounds, but for inputs without room
   LqFactor response;  // the same with vectors of its own
   std::size_t length = 0;
-  double* start = nullptr;    // (s x length) response to the start; a column is (x, u, multipliers of the dynamics)
-  double* offset = nullptr;   // (length) with the start zero
-  double* base = nullptr;     // (length) without bounds
-  double* column = nullptr;   // (kept x length)
+  double* start = nullptr;   // (s x length) response to the start; a column is (x, u, multipliers of the dynamics)
+  double* offset = nullptr;  // (length) with the start zero
+  double* base = nullptr;    // (length) without bounds
+  double* column = nullptr;  // (kept x length)
   std::uint32_t kept = 0;
-  std::uint32_t* owner = nullptr;      // (kept) rows of the columns
-  std::uint16_t* column_of = nullptr;  // (x and u) or kNone
+  std::uint32_t* owner = nullptr;               // (kept) rows of the columns
+  std::uint16_t* column_of = nullptr;           // (x and u) or kNone
   double *unit_x = nullptr, *unit_u = nullptr;  // zeros, but for one while its column is made
   double* cholesky = nullptr;                   // (kMost x kMost) lower, its diagonal inverted
   double* gap = nullptr;                        // (kMost) scratch
