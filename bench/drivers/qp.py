@@ -8,18 +8,18 @@
     --fresh         measure anew; otherwise rows of this build that an earlier run left are kept
     --build DIR     the CMake build folder (build/release)
 
-First bench_qp, the table of the hover QP; then random linear systems of a fixed seed (bench/planning/bench_qp_sizes.cpp)
-and the hover QP of ./dev bench planning: inputs within bounds, half of the states within theirs (hover: all). Four cases
-each:
+First bench_qp, the table of the hover QP; then random linear systems of a fixed seed
+(bench/planning/bench_qp_sizes.cpp) and the hover QP of ./dev bench planning: inputs within bounds, half of the states
+within theirs (hover: all). Four cases each:
 
     cold        all of it anew: matrices, factors, condensing, and no start
     warm        closed loops with small pushes: of the program before, the start alone changes
     changing    starts across from one another, many bounds active, others each time
     infeasible  hard bounds that no inputs keep: until that is said
 
-Every solver runs through its C or C++ interface, to 1e-8 by its own measure. A solver whose first inputs are off by more
-than 1e-5, or that leaves a program unsolved, counts for nothing in the headline, which is the best of the others. All
-take turns on one core; CPU time is read; a figure is the lower quartile of the rounds, the ratio that of the two.
+Every solver runs through its C or C++ interface, to 1e-8 by its own measure. A solver whose first inputs are off by
+more than 1e-5, or that leaves a program unsolved, counts for nothing in the headline, which is the best of the others.
+All take turns on one core; CPU time is read; a figure is the lower quartile of the rounds, the ratio that of the two.
 """
 
 import argparse
@@ -42,16 +42,16 @@ def daqp_objects():
     folder = HOME / DAQP / "csrc"
     archive = HOME / f"{DAQP}.tar.gz"
     if not archive.exists():
-        subprocess.run([str(python_of("qp_c")), "-m", "pip", "download", "-q", "--disable-pip-version-check", "--no-deps",
-                        "--no-binary", "daqp", DAQP.replace("-", "=="), "-d", str(HOME)], check=True)
+        subprocess.run([str(python_of("qp_c")), "-m", "pip", "download", "-q", "--disable-pip-version-check",
+                        "--no-deps", "--no-binary", "daqp", DAQP.replace("-", "=="), "-d", str(HOME)], check=True)
     if not folder.exists():
         subprocess.run(["tar", "xzf", str(archive), "-C", str(HOME)], check=True)
     objects = []
     for source in sorted(folder.glob("src/*.c")):
         objects.append(HOME / DAQP / f"{source.stem}.o")
         if not objects[-1].exists():
-            subprocess.run(["cc", "-O3", "-march=native", "-fassociative-math", "-fno-signed-zeros", "-fno-trapping-math",
-                            f"-I{folder}/include", "-c", str(source), "-o", str(objects[-1])], check=True)
+            subprocess.run(["cc", "-O3", "-march=native", "-fassociative-math", "-fno-signed-zeros",
+                            "-fno-trapping-math", f"-I{folder}/include", "-c", str(source), "-o", str(objects[-1])], check=True)
     return folder / "include", objects
 
 
@@ -67,7 +67,8 @@ def peers_program():
         return None
     system = [acados / "include/hpipm/include", acados / "include/blasfeo/include", casadi / "include/eigen3",
               cmeel / "include", casadi / "include", casadi / "include/osqp"]
-    libraries = [acados / "lib/libhpipm.so", acados / "lib/libblasfeo.so", casadi / "libosqp.so", cmeel / "lib/libqpOASES.so"]
+    libraries = [acados / "lib/libhpipm.so", acados / "lib/libblasfeo.so", casadi / "libosqp.so",
+                 cmeel / "lib/libqpOASES.so"]
     flags = ["-march=native", "-DPIQP_HAS_BLASFEO", f"-I{daqp}"]
     for folder in system:
         flags += ["-isystem", str(folder)]
@@ -83,8 +84,8 @@ def random_file(build, size, horizon):
     path = HOME / f"mpc_{states}_{inputs}_{horizon}.txt"
     source = ROOT / "bench/planning/bench_qp_sizes.cpp"
     if not path.exists() or path.stat().st_mtime < source.stat().st_mtime:
-        subprocess.run([str(build / "bench/bench_qp_sizes"), "write", str(states), str(inputs), str(horizon), str(path)],
-                       check=True)
+        subprocess.run([str(build / "bench/bench_qp_sizes"), "write", str(states), str(inputs), str(horizon),
+                        str(path)], check=True)
     return path
 
 
@@ -129,10 +130,11 @@ def show(row):
     for name in low:
         if name == "tiller":
             continue
-        said = "" if counts(row["facts"][name]) else \
-            f"  ({row['facts'][name]['unsolved']} of {row['facts'][name]['of']} unsolved, u0 off by {row['facts'][name]['error']:.1e})"
-        print(f"           {name:<9} {low[name]:10.4g} us{said}")
-    print(f"           residual {ours['residual']:.1e}, {ours['iterations']:g} steps, {ours['unsolved']} unsolved", flush=True)
+        f = row["facts"][name]
+        said = "" if counts(f) else f"  ({f['unsolved']} of {f['of']} unsolved, u0 off by {f['error']:.1e})"
+        print(f"           {name:<15} {low[name]:10.4g} us{said}")
+    print(f"           residual {ours['residual']:.1e}, {ours['iterations']:g} steps, {ours['unsolved']} unsolved",
+          flush=True)
     return met if able else None
 
 

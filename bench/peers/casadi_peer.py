@@ -68,7 +68,8 @@ class Fatrop:
                 equal += [True] * 4
             cost += stage(xs[k], us[k])
         z.append(xs[N])
-        self.solver = ca.nlpsol("fatrop", "fatrop", {"x": ca.vertcat(*z), "f": cost + end(xs[N]), "g": ca.vertcat(*rows)}, {
+        program = {"x": ca.vertcat(*z), "f": cost + end(xs[N]), "g": ca.vertcat(*rows)}
+        self.solver = ca.nlpsol("fatrop", "fatrop", program, {
             "structure_detection": "auto", "equality": equal, "print_time": False, "error_on_fail": False,
             "fatrop": {"print_level": 0, "max_iter": most}, **how})
         bound = np.full(N, limit) if np.isfinite(limit) else np.full(N, np.inf)
