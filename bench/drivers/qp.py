@@ -51,7 +51,8 @@ def daqp_objects():
         objects.append(HOME / DAQP / f"{source.stem}.o")
         if not objects[-1].exists():
             subprocess.run(["cc", "-O3", "-march=native", "-fassociative-math", "-fno-signed-zeros",
-                            "-fno-trapping-math", f"-I{folder}/include", "-c", str(source), "-o", str(objects[-1])], check=True)
+                            "-fno-trapping-math", f"-I{folder}/include", "-c", str(source), "-o", str(objects[-1])],
+                           check=True)
     return folder / "include", objects
 
 
@@ -124,7 +125,9 @@ def show(row):
     ours = row["facts"]["tiller"]
     upper = spread(row["times"]["tiller"])[1] * 1e6
     met = counts(ours) and (not able or low["tiller"] <= low[able[0]])
-    best = f"{able[0]} {low[able[0]]:.4g} us, {low[able[0]] / low['tiller']:.3g} x ours" if able else "no peer solves them"
+    best = "no peer solves them"
+    if able:
+        best = f"{able[0]} {low[able[0]]:.4g} us, {low[able[0]] / low['tiller']:.3g} x ours"
     print(f"  {row['size']:>6} N={row['horizon']:<4} {row['case']:<11} {low['tiller']:9.4g} us [to {upper:.4g}]  "
           f"{'met  ' if met else 'short'}  best peer: {best}")
     for name in low:
