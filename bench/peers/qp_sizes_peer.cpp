@@ -382,6 +382,7 @@ struct ProxQp final : Peer {
     box.setIdentity();
     solver = std::make_unique<Qp>(c.limit.size(), c.right.size(), c.limit.size());
     solver->settings.eps_abs = kTolerance, solver->settings.eps_rel = 0.0;
+    solver->settings.max_iter = 500, solver->settings.max_iter_in = 100;  // some take minutes otherwise
     solver->settings.initial_guess = proxsuite::proxqp::InitialGuessStatus::WARM_START_WITH_PREVIOUS_RESULT;
     const Vector low = -c.limit, zero = Vector::Zero(c.limit.size());
     solver->init(c.hessian, zero, c.dynamics, c.right, box, low, c.limit);
