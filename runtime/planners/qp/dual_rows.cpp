@@ -35,19 +35,20 @@ void combine(const double* base, const double* const* column, const double* shar
 double excess(double v, double low, double high) { return v - high > low - v ? v - high : low - v; }
 
 double worst(const double* v, const double* low, const double* high, std::size_t length, std::size_t* at) {
-  using Pack = lq::Row<8>;
+  constexpr int kWide = lq::kWidestPiece;
+  using Pack = lq::Row<kWide>;
   Pack most = Pack::zero(), broken = Pack::zero();
   std::size_t i = 0;
-  for (; i + 8 <= length; i += 8) {
+  for (; i + kWide <= length; i += kWide) {
     const Pack x = Pack::load(v + i), l = Pack::load(low + i), h = Pack::load(high + i);
     const Pack::Vector over = x.v - h.v, under = l.v - x.v, larger = over > under ? over : under;
     most.v = larger > most.v ? larger : most.v;
     broken.v += 0.0 * x.v;
   }
-  double lane[8], wrong[8], largest = 0.0, sum = 0.0;
+  double lane[kWide], wrong[kWide], largest = 0.0, sum = 0.0;
   most.store(lane);
   broken.store(wrong);
-  for (int j = 0; j < 8; ++j) {
+  for (int j = 0; j < kWide; ++j) {
     largest = lane[j] > largest ? lane[j] : largest;
     sum += wrong[j];
   }
