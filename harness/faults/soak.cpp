@@ -33,7 +33,8 @@ struct Bob {
 
   void derivative(const double* s, double torque_Nm, double* dxdt) const {
     dxdt[0] = s[1];
-    dxdt[1] = (torque_Nm + push_Nm - damping_Nms * s[1]) / (mass_kg * length_m * length_m) - 9.81 / length_m * std::sin(s[0]);
+    dxdt[1] =
+        (torque_Nm + push_Nm - damping_Nms * s[1]) / (mass_kg * length_m * length_m) - 9.81 / length_m * std::sin(s[0]);
   }
   void step(double torque_Nm, double h) {
     double k[4][2], at[2];
@@ -146,7 +147,8 @@ class Events {
     for (const double* values : believed)
       if (!std::isfinite(values[0]) || !std::isfinite(values[1])) ++out_.not_finite;
     out_.relearned = info.relearned;
-    calm_ = command.state == tiller_state_active && std::fabs(std::remainder(bob_.x[0] - kPi, 2.0 * kPi)) < kNear_rad;
+    const double off = std::remainder(bob_.x[0] - kPi, 2.0 * kPi);
+    calm_ = command.state == tiller_state_active && std::fabs(off) < kNear_rad;
   }
 
  private:
@@ -331,9 +333,9 @@ class Soak {
 }  // namespace
 
 const char* name_of(SoakEvent event) {
-  static const char* const names[] = {"drifting clock", "stamps back", "clocks ahead", "clocks back", "short silence",
-                                      "long silence", "other mass", "push", "not a number", "spike", "disarmed",
-                                      "stopped", "other goal", "bad calls"};
+  static const char* const names[] = {"drifting clock", "stamps back", "clocks ahead", "clocks back",  "short silence",
+                                      "long silence",   "other mass",  "push",         "not a number", "spike",
+                                      "disarmed",       "stopped",     "other goal",   "bad calls"};
   static_assert(sizeof names / sizeof *names == static_cast<int>(SoakEvent::count));
   return names[static_cast<int>(event)];
 }

@@ -19,20 +19,20 @@ struct SoakCase {
 
 /// What happens in an eventful soak, each for a while, the next some seconds later.
 enum class SoakEvent {
-  drifting_clock,   ///< the sensor's stamps fall behind by 0.7 %, then leap back
-  stamps_back,      ///< two readings carry stamps of five seconds ago
-  clocks_ahead,     ///< both clocks leap by an hour
-  clocks_back,      ///< both clocks leap back by a minute
-  short_silence,    ///< no reading for 50 ms
-  long_silence,     ///< none for half a second: SAFE, then somebody resets it
-  other_mass,       ///< the bob's mass is another from now on
-  push,             ///< a torque that the model lacks
-  not_a_number,     ///< one reading is NaN, the next infinite
-  spike,            ///< one reading is off by a radian
-  disarmed,         ///< by the host, for a second
-  stopped,          ///< by the host
-  other_goal,       ///< a few degrees beside upright
-  bad_calls,        ///< goals and inputs that are no values, in the middle of the run
+  drifting_clock,  ///< the sensor's stamps fall behind by 0.7 %, then leap back
+  stamps_back,     ///< two readings carry stamps of five seconds ago
+  clocks_ahead,    ///< both clocks leap by an hour
+  clocks_back,     ///< both clocks leap back by a minute
+  short_silence,   ///< no reading for 50 ms
+  long_silence,    ///< none for half a second: SAFE, then somebody resets it
+  other_mass,      ///< the bob's mass is another from now on
+  push,            ///< a torque that the model lacks
+  not_a_number,    ///< one reading is NaN, the next infinite
+  spike,           ///< one reading is off by a radian
+  disarmed,        ///< by the host, for a second
+  stopped,         ///< by the host
+  other_goal,      ///< a few degrees beside upright
+  bad_calls,       ///< goals and inputs that are no values, in the middle of the run
   count
 };
 const char* name_of(SoakEvent event);

@@ -1,6 +1,6 @@
-// The life of controllers as a program of calls: two at once, created, ticked, steered, stopped, reset and laid out anew
-// in any order, with configurations, measurements, goals and boxes of any numbers. An input is two configurations, then
-// steps of a call and its arguments. What is promised (tiller.h) is checked after every call.
+// The life of controllers as a program of calls: two at once, created, ticked, steered, stopped, reset and laid out
+// anew in any order, with configurations, measurements, goals and boxes of any numbers. An input is two configurations,
+// then steps of a call and its arguments. What is promised (tiller.h) is checked after every call.
 #include <cmath>
 #include <cstring>
 #include <limits>

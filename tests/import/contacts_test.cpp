@@ -1,5 +1,6 @@
 // Contacts of imported robots: accelerations and forces beside MuJoCo's, which are stored (contacts_test.py --write),
-// and beside the same law solved to its end from MuJoCo's own matrices; what a drop and a rest come to; what is refused.
+// and beside the same law solved to its end from MuJoCo's own matrices; what a drop and a rest come to; what is
+// refused.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -20,8 +20,8 @@ using tiller::Dual;
 
 // ---- the recursion ---------------------------------------------------------------------------------------------------
 
-/// A tree of revolute and prismatic joints whose bodies have an inertia of some sort; the recursion does not ask whether
-/// a body can have it.
+/// A tree of revolute and prismatic joints whose bodies have an inertia of some sort; the recursion does not ask
+/// whether a body can have it.
 struct Tree {
   Mechanism mechanism;
   std::vector<BodyInertia<double>> inertia;

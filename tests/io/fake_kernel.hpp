@@ -1,8 +1,8 @@
 #pragma once
 
 // Linux as a transport sees it, with a refusal wherever a test wants one. A program that links fake_kernel.cpp calls
-// these functions in the place of the C library's: CAN sockets are made up (this machine needs no AF_CAN), all else goes
-// to the real kernel unless it is to fail.
+// these functions in the place of the C library's: CAN sockets are made up (this machine needs no AF_CAN), all else
+// goes to the real kernel unless it is to fail.
 
 #include <linux/can.h>
 #include <sys/types.h>

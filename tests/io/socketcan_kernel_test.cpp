@@ -1,5 +1,5 @@
-// SocketCAN against a kernel that refuses: every call of an opening fails once, every error of reading and sending comes
-// once. Virtual CAN (tests/vcan) shows the same transport on a real one.
+// SocketCAN against a kernel that refuses: every call of an opening fails once, every error of reading and sending
+// comes once. Virtual CAN (tests/vcan) shows the same transport on a real one.
 #include <gtest/gtest.h>
 #include <linux/can/error.h>
 #include <linux/can/raw.h>

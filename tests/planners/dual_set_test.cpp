@@ -47,8 +47,8 @@ TEST(DualSet, random_programs_meet_the_optimality_conditions) {
   std::printf("%d of 300 solved, largest KKT residual %.1e\n", solved, worst);
 }
 
-/// The start moves away until no input keeps the states' bounds: both methods find the same programs without a solution,
-/// but for those at the very edge.
+/// The start moves away until no input keeps the states' bounds: both methods find the same programs without a
+/// solution, but for those at the very edge.
 TEST(DualSet, says_infeasible_where_the_interior_point_does) {
   int both = 0, apart = 0, programs = 0;
   for (std::uint64_t seed = 1; seed <= 120; ++seed) {

@@ -1,5 +1,5 @@
-// hybrid: which swing-up it finds in closed loop, that it holds what falls under its inputs alone, and that no plan costs more than those it began
-// from.
+// hybrid: which swing-up it finds in closed loop, that it holds what falls under its inputs alone, and that no plan
+// costs more than those it began from.
 
 #include <gtest/gtest.h>
 

@@ -38,8 +38,8 @@ TEST(Qp, random_feasible_problems_meet_the_optimality_conditions) {
               worst, worst_interior, most, by_active_set);
 }
 
-/// Programs of which the start alone changes, on one workspace: sets are shifted, change, fail to settle and give way to
-/// the interior point (whose factor is another), and every program still meets its conditions.
+/// Programs of which the start alone changes, on one workspace: sets are shifted, change, fail to settle and give way
+/// to the interior point (whose factor is another), and every program still meets its conditions.
 TEST(Qp, programs_that_repeat_meet_the_optimality_conditions_by_sweeps) {
   double worst = 0.0;
   std::uint32_t swept = 0, interior = 0;

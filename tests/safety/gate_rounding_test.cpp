@@ -1,5 +1,5 @@
-// The gate's last word on what the cones made of a command. A process of its own, in which the cones make whatever a test
-// says: those of OutputGate keep to limits and rates by themselves, but for roundings.
+// The gate's last word on what the cones made of a command. A process of its own, in which the cones make whatever a
+// test says: those of OutputGate keep to limits and rates by themselves, but for roundings.
 #include <gtest/gtest.h>
 
 #include <cmath>

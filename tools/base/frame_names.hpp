@@ -20,8 +20,8 @@ inline std::array<std::string, 12> frame_output_names(const std::string& frame) 
   return names;
 }
 
-/// The frame of which `output` is the position along an axis, "imu" of "imu_y_m", where `outputs` have all twelve of it;
-/// else empty.
+/// The frame of which `output` is the position along an axis, "imu" of "imu_y_m", where `outputs` have all twelve of
+/// it; else empty.
 inline std::string frame_under(const std::vector<std::string>& outputs, const std::string& output) {
   const std::string frame = output.substr(0, output.size() - std::min<std::size_t>(output.size(), 4));
   const auto names = frame_output_names(frame);

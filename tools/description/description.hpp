@@ -96,6 +96,7 @@ struct ShapeText {
 struct PairText {
   std::string a, b;
   TouchLaw law;
+  int condim = 3;
 };
 
 /// What ties two links beside the joints of the tree.
@@ -123,7 +124,7 @@ struct Description {
   bool has_shapes = false;  ///< the format has them, and an import that wrote them
   double grip_ratio = 1.0;  ///< MuJoCo's impratio: how much stiffer friction is than the push
   std::vector<SensorText> sensors;
-  std::string free_joint;   ///< what carries the whole robot through space, where the file has such a joint: fixed here
+  std::string free_joint;  ///< what carries the whole robot through space, where the file has such a joint: fixed here
   Vec3<double> gravity_m_s2{0.0, 0.0, -9.81};
   std::string compiled;               ///< of an MJCF: what MuJoCo says of it, as JSON, which can be read in its place
   std::vector<std::string> notes;     ///< "file:line: what was read otherwise than it stands there, and why"

@@ -278,8 +278,8 @@ class CompiledReader {
     }
     for (const Json& json : json_.at("pairs")) {
       const auto ends = json.at("geoms").get<std::array<std::string, 2>>();
-      robot_.pairs.push_back({ends[0], ends[1], law_of(json)});
-      if (json.at("condim").get<int>() == 1) robot_.pairs.back().law.friction = 0.0;
+      robot_.pairs.push_back({ends[0], ends[1], law_of(json), json.at("condim").get<int>()});
+      if (robot_.pairs.back().condim == 1) robot_.pairs.back().law.friction = 0.0;
     }
     robot_.grip_ratio = number(json_, "impratio");
   }

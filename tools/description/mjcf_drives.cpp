@@ -190,8 +190,8 @@ DriveReader::Drive DriveReader::servo(const Json& a, const std::string& kind, co
   return drive;
 }
 
-/// A joint has one input, so its drives are one: a servo alone, or a position servo beside velocity servos that are told
-/// to stand still.
+/// A joint has one input, so its drives are one: a servo alone, or a position servo beside velocity servos that are
+/// told to stand still.
 void DriveReader::join_laws() {
   for (const auto& [name, drives] : drives_) {
     JointText& joint = *find_joint(name);

@@ -56,9 +56,10 @@ std::string latch_text(const tiller_config_t& config, const RecordedRun& run, co
 /// What a tick without a plan in time costs beside it.
 std::string given_way(const tiller_config_t& config, const Happening& h) {
   if (h.status != tiller_status_deadline_missed || config.posterior.moves_per_tick <= 8) return "";
-  return format("Each plan without an iteration halves [posterior] moves_per_tick = %u, down to 8, until plans have time "
-                "again: docs/guide/real_time.md",
-                config.posterior.moves_per_tick);
+  return format(
+      "Each plan without an iteration halves [posterior] moves_per_tick = %u, down to 8, until plans have time "
+      "again: docs/guide/real_time.md",
+      config.posterior.moves_per_tick);
 }
 
 std::string sentence(const std::string& text) { return text.empty() ? "" : "    " + text + ".\n"; }
@@ -70,7 +71,8 @@ std::string trouble_text(const tiller_config_t& config, const RecordedRun& run, 
     return text + headline(h) + ".\n" +
            sentence("The log does not tell why: over LCM, record the channel TELEMETRY beside the others");
   text += std::string(tiller_status_name(h.status)) + ", " + tiller_status_text(h.status) + ".\n";
-  text += sentence(headline(h)) + sentence(latch_text(config, run, h)) + sentence(h.evidence) + sentence(given_way(config, h));
+  text += sentence(headline(h)) + sentence(latch_text(config, run, h)) + sentence(h.evidence) +
+          sentence(given_way(config, h));
   return text + sentence(std::string("Next: ") + remedy_for(h.status));
 }
 
@@ -86,9 +88,8 @@ std::string overran_text(const tiller_config_t& config, const RecordedRun& run, 
 
 /// Of all ticks in which the robot moved.
 std::string share_text(const RecordedRun& run, std::size_t ticks) {
-  const auto moved = std::count_if(run.entries.begin(), run.entries.end(), [](const RecordEntry& e) {
-    return in_motion(e.record.command.state);
-  });
+  const auto moved = std::count_if(run.entries.begin(), run.entries.end(),
+                                   [](const RecordEntry& e) { return in_motion(e.record.command.state); });
   return format("%zu of %zu ticks in motion", ticks, static_cast<std::size_t>(std::max<std::ptrdiff_t>(moved, 1)));
 }
 
@@ -127,9 +128,8 @@ std::string missing_text(const RobotFile& robot, const RecordedRun& run, const H
 
 /// Whether the robot was never let go.
 bool never_moved(const RecordedRun& run) {
-  return std::none_of(run.entries.begin(), run.entries.end(), [](const RecordEntry& e) {
-    return in_motion(e.record.command.state);
-  });
+  return std::none_of(run.entries.begin(), run.entries.end(),
+                      [](const RecordEntry& e) { return in_motion(e.record.command.state); });
 }
 
 bool tells_states(const RecordedRun& run) {

@@ -100,6 +100,10 @@ class Chooser {
       return fail(word, "write GEOM:plane or GEOM:GEOM2");
     Placed a, b;
     if (!find(word, word.substr(0, colon), a) || !find(word, word.substr(colon + 1), b)) return;
+    for (const auto& [one, other] : taken_)
+      if ((one == a.shape && other == b.shape) || (one == b.shape && other == a.shape))
+        return fail(word, "these two geoms are named twice");
+    taken_.emplace_back(a.shape, b.shape);
     ContactPair pair;
     pair.spelled = word;
     pair.name = name_of(word.substr(0, colon), word.substr(colon + 1));
@@ -109,6 +113,9 @@ class Chooser {
                             "'), so that nothing moves between them");
     const std::string& kind_a = a.shape->type;
     if (kind_a == "plane" || (kind_a == "box" && b.shape->type != "plane" && b.shape->type != "box")) std::swap(a, b);
+    if (b.shape->type == "plane" && b.body >= 0)
+      return fail(word, "plane '" + b.shape->name + "' is on '" + b.shape->link +
+                            "', which moves; only a plane that stands on the world can be touched");
     if (!place(a, b, pair)) {
       const auto told = [](const Placed& p) { return "'" + p.shape->name + "' is a " + p.shape->type; };
       return fail(word, told(a) + ", " + told(b) +
@@ -120,9 +127,13 @@ class Chooser {
   }
 
   std::string name_of(const std::string& a, const std::string& b) const {
-    const std::string name = identifier(a);
-    for (const ContactPair& pair : mechanism_.contacts)
-      if (pair.name == name) return name + "_" + identifier(b);
+    const auto taken = [this](const std::string& name) {
+      return std::any_of(mechanism_.contacts.begin(), mechanism_.contacts.end(),
+                         [&](const ContactPair& pair) { return pair.name == name; });
+    };
+    std::string name = identifier(a);
+    if (taken(name)) name += "_" + identifier(b);
+    for (const std::string pairs = name + "_"; taken(name);) name = pairs + std::to_string(mechanism_.contacts.size());
     return name;
   }
 
@@ -196,8 +207,10 @@ class Chooser {
     }
     if (condim == 1) pair.law.friction = 0.0;
     for (const PairText& stated : robot_.pairs)
-      if ((stated.a == a.name && stated.b == b.name) || (stated.a == b.name && stated.b == a.name))
+      if ((stated.a == a.name && stated.b == b.name) || (stated.a == b.name && stated.b == a.name)) {
         pair.law = stated.law;
+        condim = stated.condim;
+      }
     if (pair.law.friction <= 0.0 && condim > 1)
       fail(word, "neither geom has friction; give one a friction, or condim=\"1\" where it is to slide freely");
     else if (!(pair.law.settle_s > 0.0) || !(pair.law.damping_ratio > 0.0) || !std::isfinite(pair.law.settle_s))
@@ -330,6 +343,7 @@ class Chooser {
   std::vector<std::string>& errors_;
   ArticulatedBody<double> tree_;
   ShapeText ground_;
+  std::vector<std::pair<const ShapeText*, const ShapeText*>> taken_;
 };
 
 /// What the description's reader said of contacts, without those that are read.

@@ -135,8 +135,8 @@ class ExpressionGraph {
 std::string emit_code(ExpressionGraph& graph, const std::vector<Expression>& outputs, const std::string& indent,
                       std::vector<std::string>& values, int* operations = nullptr);
 
-/// The same with "target = value;" for every output as soon as it is known, so that many outputs do not all wait for the
-/// end in registers that there are not.
+/// The same with "target = value;" for every output as soon as it is known, so that many outputs do not all wait for
+/// the end in registers that there are not.
 std::string emit_assignments(ExpressionGraph& graph, const std::vector<Expression>& outputs,
                              const std::vector<std::string>& targets, const std::string& indent,
                              int* operations = nullptr);

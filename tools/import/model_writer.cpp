@@ -69,7 +69,8 @@ class Equations {
   }
 
   /// Accelerations (joints), the inverse inertia's lower triangle, and the slopes of the joints' forces at these
-  /// accelerations, (joints x joints) by positions, then by speeds; row: force. Of a robot whose joints follow no others.
+  /// accelerations, (joints x joints) by positions, then by speeds; row: force. Of a robot whose joints follow no
+  /// others.
   std::vector<Expression> slopes() {
     const std::size_t n = mechanism_.bodies.size();
     const std::vector<BodyInertia<Expression>> inertia = inertias();

@@ -13,9 +13,8 @@ namespace {
 
 /// What a description that states no effort is taken for.
 constexpr double kUnstatedEffort = 10.0;
-/// The default task moves each joint so far from where it starts.
-/// A servo's goal moves as fast as this where the description states no speed, and a change of a tenth in a period costs
-/// what a tenth of a radian does.
+/// The default task moves each joint so far from where it starts. A servo's goal moves as fast as this where the
+/// description states no speed, and a change of a tenth in a period costs what a tenth of a radian does.
 constexpr double kGoal_rad_s = 3.0, kGoal_m_s = 0.5, kGoalWeight = 10.0;
 constexpr double kMove_rad = 0.3, kMove_m = 0.05;
 constexpr double kPeriod_s = kImportPeriod_s;

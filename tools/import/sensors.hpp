@@ -25,9 +25,9 @@ struct ModelSensors {
   std::vector<LoggedSensor> logged;
 };
 
-/// Finds what each sensor reads. `frames` (indices of mechanism.frames, whose poses the model tells) grows by those that
-/// sensors need. Sensors that find no form, or no room for their outputs among the `room` that the model may still get, are
-/// left out by name in `mechanism`.
+/// Finds what each sensor reads. `frames` (indices of mechanism.frames, whose poses the model tells) grows by those
+/// that sensors need. Sensors that find no form, or no room for their outputs among the `room` that the model may still
+/// get, are left out by name in `mechanism`.
 ModelSensors place_sensors(const Description& robot, const ModelNames& names, std::size_t room, Mechanism& mechanism,
                            std::vector<int>& frames);
 

@@ -35,9 +35,9 @@ constexpr double kPayload_kg = 3.0;
 /// How far a description's numbers are believed where they are called unknown: a quarter for masses, a tenth for
 /// shapes and gains.
 constexpr double kMassShare = 0.25, kShapeSd = 0.1, kShiftSd_m = 0.01, kGainSd = 0.1, kGripShare = 0.25;
-/// A joint whose friction nobody states: of its effort, at most so much dry, and so much viscous at its top
-/// speed. Four harmonic drives took 5 to 12 % dry (docs/evidence/measured.md, the TIAGo), and others may take more; what
-/// takes all of the effort leaves no speed beyond.
+/// A joint whose friction nobody states: of its effort, at most so much dry, and so much viscous at its top speed. Four
+/// harmonic drives took 5 to 12 % dry (docs/evidence/measured.md, the TIAGo), and others may take more; what takes all
+/// of the effort leaves no speed beyond.
 constexpr double kDryShare = 0.2, kViscousShare = 1.0;
 
 class Reader {

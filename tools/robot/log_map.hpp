@@ -42,8 +42,8 @@ struct LogMap {
   bool undriven = false;  ///< nothing drives the robot in the logs: every input is 0, and no column of theirs is read
 };
 
-/// Whether the joints' velocities tell the rate of a state or an output: of a joint's position, and of every output where
-/// each state is a joint's position or velocity. Only then has the model a second derivative of it.
+/// Whether the joints' velocities tell the rate of a state or an output: of a joint's position, and of every output
+/// where each state is a joint's position or velocity. Only then has the model a second derivative of it.
 bool joints_tell_rate(const tiller_model_t& model, const std::string& of);
 
 /// Whether the sensor reads an angle, of which whole turns do not count.

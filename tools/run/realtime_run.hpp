@@ -27,7 +27,7 @@ struct PaceResult {
   RealtimeReport realtime;
   LatencyHistogram tick_time;         ///< tiller_tick alone
   LatencyHistogram wake_up;           ///< how late a tick by the clock began; empty where measurements set the pace
-  std::uint64_t overruns = 0;         ///< ticks after which the next was due already, or would have been: simulated time waits
+  std::uint64_t overruns = 0;         ///< ticks after which the next was due, or would have been in simulated time
   std::uint64_t skipped_periods = 0;  ///< by the clock: that had no tick
 };
 

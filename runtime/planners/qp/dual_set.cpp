@@ -18,7 +18,8 @@ const DualRows& select_dual_rows() {
 
 namespace {
 
-constexpr std::size_t kLongest = 10000;    // numbers of a column, of which 65 at least are kept: 5 MB
+constexpr std::size_t kLongest = 10000;    // numbers of a column, of which 65 at least are kept: 5 MB,
+                                           // and one for each state of the start beside them
 constexpr std::size_t kKept = 400000;      // numbers of all columns that are kept, where they are shorter: 3 MB
 constexpr std::size_t kStartColumns = 48;  // that are added up in one pass
 constexpr std::uint32_t kAtOnce = 4;       // rounds in which all that is exceeded comes in and all that pulls goes
@@ -499,7 +500,7 @@ DualQp lay_out_dual_set(Arena& arena, const LqProblem& sizes, const LqKernel& ke
   w.cholesky = arena.take<double>(DualQp::kMost * DualQp::kMost);
   w.gap = arena.take<double>(DualQp::kMost);
   w.held = arena.take<std::int8_t>(nx);
-  for (std::size_t i = 0; !arena.measuring() && i < nx + nu; ++i) w.column_of[i] = DualQp::kNone;
+  for (std::size_t i = 0; w.column_of && i < nx + nu; ++i) w.column_of[i] = DualQp::kNone;
   return w;
 }
 

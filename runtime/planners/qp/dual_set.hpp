@@ -6,10 +6,11 @@
 namespace tiller {
 
 /// A dual active set (Goldfarb and Idnani 1983) over hard bounds on inputs and states, on responses: what one unit of a
-/// bound's multiplier does to inputs, states and multipliers of the dynamics is a column. A Riccati factor without bounds
-/// gives it in one pass of matrix-vector products, and it is kept while the matrices stay. A set of w bounds is then a
-/// dense system of w unknowns, and its solution w columns added up: no sweep at all where the start alone changes and
-/// the bounds were active before. Exact to rounding; a set that no multipliers hold together is an infeasible program.
+/// bound's multiplier does to inputs, states and multipliers of the dynamics is a column. A Riccati factor without
+/// bounds gives it in one pass of matrix-vector products, and it is kept while the matrices stay. A set of w bounds is
+/// then a dense system of w unknowns, and its solution w columns added up: no sweep at all where the start alone
+/// changes and the bounds were active before. Exact to rounding; a set that no multipliers hold together is an
+/// infeasible program.
 ///
 /// Worth its memory where columns are short: worth_dual_set is the rule. Soft bounds and cones are for others.
 struct DualQp {

@@ -36,7 +36,7 @@ constexpr double kSteady = 4.0;
 /// Of a force that is looked out for: its deviation over the limit beyond which it is a contact, and how long it lasts.
 /// It then walks by a tenth of the limit in a period of 20 ms.
 constexpr double kContact = 0.7, kContact_s = 2.0;
-/// Of a force at a joint without such a limit: over what matters there. It walks by a fifth of it in 20 ms.
+/// Of a force at a joint of a robot without such limits: over what matters there. It walks by a fifth of it in 20 ms.
 constexpr double kShove = 1.4;
 /// A viscous or dry force's random walk per square root of a second, in its own deviations: friction is no constant,
 /// and a filter that takes it for one never gets over what it once believed.
@@ -368,12 +368,19 @@ void DisturbanceStates::fixed_law(double* law, std::uint32_t stride) const {
   law[turn_row() * stride] = 0.0;
 }
 
+bool feels_contacts(const tiller_config_t& config) {
+  for (std::uint32_t j = 0; j < config.model->joint_count; ++j)
+    if (std::isfinite(config.safety.contact_force[config.model->joints[j].velocity])) return true;
+  return false;
+}
+
 void DisturbanceStates::sudden_law(double* law, std::uint32_t stride) const {
+  const double unlimited = feels_contacts(*config_) ? 0.0 : kShove;
   for (std::uint32_t s = 0; s < sources(); ++s) law[s * stride] = 0.0;
   for (std::uint32_t j = 0; j < joints_; ++j) {
     const double limit = config_->safety.contact_force[config_->model->joints[j].velocity];
     const double one = sd_[source_[j].first];
-    const double size = !std::isfinite(limit) ? kShove : one > 0.0 ? kContact * limit / one : 0.0;
+    const double size = !std::isfinite(limit) ? unlimited : one > 0.0 ? kContact * limit / one : 0.0;
     law[j * stride] = size * size;
   }
   law[rate_row() * stride] = 1.0 / kContact_s;

@@ -10,6 +10,9 @@
 
 namespace tiller {
 
+/// Whether a joint has a limit of contacts (safety.contact_force).
+bool feels_contacts(const tiller_config_t& config);
+
 /// What the model lacks, as further states of the filter. Each comes from a source:
 ///
 ///  - a force at a joint (posterior.disturbance), which wanders: dw = -w / tau dt + s sd sqrt(2 / tau) dW
@@ -111,8 +114,8 @@ class DisturbanceStates {
   void read_law(const double* coordinate, std::uint32_t stride, double* law, std::uint32_t law_stride) const;
   /// The law of a posterior that does not learn it.
   void fixed_law(double* law, std::uint32_t stride) const;
-  /// The law of a filter that looks out for forces that come from one period to the next, of which
-  /// safety.contact_force says how large a contact's is.
+  /// The law of a filter that looks out for forces that come from one period to the next: at the joints with a limit of
+  /// contacts, or, where no joint has one, at all.
   void sudden_law(double* law, std::uint32_t stride) const;
 
   /// How large the forces are that matter, from another with the same.

@@ -16,8 +16,6 @@ namespace {
 constexpr std::uint32_t kRows = FilterParticles::kRows, kLanes = FilterChunk::kLanes;
 /// Number of values that the earlier knowledge of the noise is worth once the robot has changed.
 constexpr double kNoiseWorth = 20.0;
-/// Ticks that a shove may take to show.
-constexpr std::uint32_t kLongestSuspicion = 20;
 
 }  // namespace
 
@@ -36,10 +34,8 @@ void FilterPosterior::reset() {
   started_ = false;
   tick_ = 0;
   gate_.begin();
-  // a suspicion is kept whole in the window
-  shoves_.reset(enabled() && config_->posterior.moves_per_tick > 0
-                    ? std::min(kLongestSuspicion, config_->posterior.window / 2)
-                    : 0);
+  shoves_.reset(ShoveWatch::longest(*config_));
+  learnt_ticks_ = 0;
   if (jumps_) jumps_->stop();
   if (adequacy_) adequacy_->reset();
   start_.reset(*config_);
@@ -85,7 +81,7 @@ tiller_status_t FilterPosterior::advance(const Transition& transition, bool move
   take_attitudes(*config_, now.measured);
   Observation seen = {now.period_s, 1.0, now.input, now.measured, inputs_.rows()};
   predict(seen);
-  if (sudden_) sudden_->step(filter_, particles_, seen, noise_.now);
+  if (sudden_) sudden_->step(filter_, particles_, seen, noise_);
   const bool doubted = gate_.refuse(filter_, chunks_, particles_.cloud, noise_.now, now.measured);
   const bool resting = moves && rest_.resting(now);
   seen.weight = resting || sticks(seen) ? 0.0 : 1.0;
@@ -96,7 +92,11 @@ tiller_status_t FilterPosterior::advance(const Transition& transition, bool move
   correct(seen, shove != ShoveWatch::Verdict::calm);
   if (shove == ShoveWatch::Verdict::shoved) take_back();
   const tiller_status_t status = reweight(seen);
-  if (status == tiller_status_posterior_degenerate) return status;
+  if (status == tiller_status_posterior_degenerate) {
+    if (shove == ShoveWatch::Verdict::shoved) evidence_.take_back(-suspect_count_);
+    shoves_.begin();
+    return status;
+  }
   const Cloud& cloud = particles_.cloud;
   if (enabled() && config_->posterior.moves_per_tick && cloud.d) {
     window_.push(seen);
@@ -127,10 +127,11 @@ void FilterPosterior::predict(const Observation& seen) {
 /// Whether a shove has begun or ended. A posterior that has not settled, or has not learnt how large forces are, takes
 /// everything for news.
 ShoveWatch::Verdict FilterPosterior::watch(const Observation& seen) {
-  const bool settled = tempering_.exponent() == 1.0 && tick_ >= FilterAdequacy::kEarly;
-  if (!sudden_ || !(settled || shoves_.suspects())) return ShoveWatch::Verdict::calm;
+  ++learnt_ticks_;
+  const bool settled = tempering_.exponent() == 1.0 && learnt_ticks_ >= FilterAdequacy::kEarly;
+  if (!sudden_ || !shoves_.may_find() || !(settled || shoves_.suspects())) return ShoveWatch::Verdict::calm;
   const bool counts = seen.weight > 0.0;
-  const double ahead = counts ? sudden_->ahead_of(filter_, chunks_, particles_, noise_.calm) : 0.0;
+  const double ahead = counts ? sudden_->ahead_of(filter_, chunks_, particles_, noise_) : 0.0;
   const bool fresh = !shoves_.suspects();
   const ShoveWatch::Verdict verdict = shoves_.take(ahead);
   if (fresh || verdict == ShoveWatch::Verdict::calm) {
@@ -157,6 +158,7 @@ void FilterPosterior::go_on_pushed() {
   start_.begin_pushed(filter_, particles_, *sudden_);
   begin_filters();
   gate_.begin();
+  if (jumps_) jumps_->stop();
   if (adequacy_) adequacy_->begin();
 }
 
@@ -271,6 +273,7 @@ void FilterPosterior::relearn() {
   tempering_.restart();
   begin_filters();
   shoves_.begin();
+  learnt_ticks_ = 0;
   adequacy_->restart();
 }
 

@@ -21,7 +21,7 @@ namespace tiller {
 /// Here is the order of a tick; each of its steps is a part with a header of its own.
 ///
 /// Cost of an update, bounded by the configuration: N + 2 * moves_per_tick * (window + 1) filtered transitions and a
-/// few dozen for the summary; of a skipped period N and those.
+/// few dozen for the summary; of a skipped period N and those. Where a shove is found, once: the summary of a window.
 class FilterPosterior final : public Posterior {
  public:
   static FilterPosterior* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
@@ -103,8 +103,9 @@ class FilterPosterior final : public Posterior {
   OutlierGate gate_;
   RestGuard rest_;
   ShoveWatch shoves_;
-  std::uint64_t sure_end_ = 0;  // of the window: what follows is under suspicion
-  double suspect_count_ = 0.0;  // of the evidence's values, these
+  std::uint64_t sure_end_ = 0;      // of the window: what follows is under suspicion
+  std::uint64_t learnt_ticks_ = 0;  // since the particles were last drawn from a prior
+  double suspect_count_ = 0.0;      // of the evidence's values, these
   InputHistory inputs_;
 
   // beside the particles; null where the configuration does not ask for it

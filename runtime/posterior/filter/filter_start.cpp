@@ -118,8 +118,7 @@ void FilterStart::begin_at_present(const LaneFilter& filter, const FilterParticl
   take_mixture(filter, {particles.filter, particles.n(), particles.heaviest(), particles.cloud.weight});
 }
 
-void FilterStart::begin_pushed(const LaneFilter& filter, const FilterParticles& particles,
-                               const SuddenForces& sudden) {
+void FilterStart::begin_pushed(const LaneFilter& filter, const FilterParticles& particles, const SuddenForces& sudden) {
   begin_at_present(filter, particles);
   const std::uint32_t triangle = triangle_rows(nf_);
   double state[kMaxFilterStates], covariance[triangle_rows(kMaxFilterStates)];
@@ -132,10 +131,12 @@ void FilterStart::begin_pushed(const LaneFilter& filter, const FilterParticles& 
   std::fill(effect_state_, effect_state_ + ns_, 0.0);
   take_mixture(filter, {sudden.lanes().filter, kLanes, 0, weight});
   const auto known = [&](std::uint32_t r) { return r >= nx_ && !sudden.is_sudden(r - nx_); };
-  for (std::uint32_t r = nx_; r < nf_; ++r) {
+  for (std::uint32_t r = 0; r < nf_; ++r) {
     if (known(r)) state_[r] = state[r];
-    for (std::uint32_t c = r; c < nf_; ++c)
-      if (known(r) && known(c)) covariance_[triangle_row(nf_, r, c)] = covariance[triangle_row(nf_, r, c)];
+    for (std::uint32_t c = r; c < nf_; ++c) {
+      const std::uint32_t at = triangle_row(nf_, r, c);
+      if (known(r) || known(c)) covariance_[at] = known(r) && known(c) ? covariance[at] : 0.0;
+    }
   }
 }
 

@@ -137,8 +137,8 @@ std::uint32_t FilterParticles::heaviest() const {
 }
 
 void FilterParticles::differ(std::uint32_t i, std::uint32_t about, double* off) const {
-  filter_difference({filter.state, filter.covariance, filter.effect_state, n()},
-                    cloud.config->model->quaternion_mask, nf, i, about, off);
+  filter_difference({filter.state, filter.covariance, filter.effect_state, n()}, cloud.config->model->quaternion_mask,
+                    nf, i, about, off);
 }
 
 FilterRows FilterParticles::lanes(std::uint32_t c) const {

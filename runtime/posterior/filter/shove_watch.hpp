@@ -1,6 +1,9 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
+
+#include "tiller/tiller.h"
 
 namespace tiller {
 
@@ -15,6 +18,12 @@ class ShoveWatch {
  public:
   enum class Verdict : std::uint8_t { calm, suspicious, shoved };
 
+  /// Ticks that a shove may take to show; all of them stay in the window. 0 for a posterior that does not move: it has
+  /// no parameters that a shove could spoil.
+  static std::uint32_t longest(const tiller_config_t& config) {
+    const tiller_posterior_config_t& c = config.posterior;
+    return c.enabled && c.moves_per_tick > 0 ? std::min(kLongest, c.window / 2) : 0;
+  }
   /// No suspicion is longer than `longest` ticks; 0: there is none ever.
   void reset(std::uint32_t longest) {
     longest_ = longest;
@@ -26,9 +35,11 @@ class ShoveWatch {
     ticks_ = 0;
   }
   bool suspects() const { return ticks_ > 0; }
+  bool may_find() const { return longest_ > 0; }
   Verdict take(double log_ratio) {
     credit_ = credit_ < kMost ? credit_ + kCredit : kMost;
-    sum_ = sum_ + log_ratio > 0.0 ? sum_ + log_ratio : 0.0;
+    const double sum = sum_ + std::min(log_ratio, kMostATick);
+    sum_ = sum > 0.0 ? sum : 0.0;
     if (!(sum_ > kSuspect) || longest_ == 0 || ticks_ == longest_) {
       begin();
       return Verdict::calm;
@@ -43,6 +54,9 @@ class ShoveWatch {
 
  private:
   static constexpr double kSuspect = 1.0, kShove = 8.0;
+  /// One reading alone, or two, may be the sensor's.
+  static constexpr double kMostATick = 3.0;
+  static constexpr std::uint32_t kLongest = 20;
   /// Shoves that may follow one another, and that a tick earns: where forces go on to come and go, the posterior learns
   /// how large they are and how fast, for which it has to see them.
   static constexpr double kMost = 4.0, kCredit = 1.0 / 128.0;

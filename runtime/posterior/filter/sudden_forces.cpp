@@ -5,6 +5,7 @@
 
 #include "posterior/filter/mixture_moments.hpp"
 #include "posterior/filter/outlier_gate.hpp"
+#include "posterior/filter/shove_watch.hpp"
 #include "tiller/math.hpp"
 
 namespace tiller {
@@ -31,22 +32,23 @@ class LogMean {
 /// Of the readings that are not NaN, as one lane has predicted each; less a constant.
 double log_density(const LaneFilter& filter, const FilterChunk& chunk, std::uint32_t lane, const double* readings,
                    double noise_scale) {
-  double sum = 0.0;
+  double squares = 0.0, product = 1.0;
   for (std::uint32_t k = 0; k < filter.ny(); ++k) {
     if (std::isnan(readings[k])) continue;
     const LaneFilter::Residual r = filter.residual(chunk, lane, readings, k);
     const double variance = noise_scale * noise_scale * r.variance;
-    sum -= 0.5 * (r.error * r.error / variance + math::log(variance));
+    squares += r.error * r.error / variance;
+    product *= variance;
   }
-  return sum;
+  return -0.5 * (squares + math::log(product));
 }
 
 }  // namespace
 
 SuddenForces* SuddenForces::lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
-                                      const DisturbanceStates& disturbances, const DisturbanceStates* at,
-                                      std::uint32_t d) {
-  if (disturbances.joints() == 0) return nullptr;
+                                    const DisturbanceStates& disturbances, const DisturbanceStates* at,
+                                    std::uint32_t d) {
+  if (disturbances.joints() == 0 || (ShoveWatch::longest(config) == 0 && !feels_contacts(config))) return nullptr;
   auto* const c = arena.take<SuddenForces>(1);
   const FilterChunk* const chunk = FilterChunk::lay_out(arena, 1, config, setup, disturbances, at, d);
   auto* const readings = arena.take<double>(config.measurement_count);
@@ -96,17 +98,16 @@ void SuddenForces::begin(const LaneFilter& filter, const FilterStart& start, con
 }
 
 void SuddenForces::step(const LaneFilter& filter, const FilterParticles& particles, const Observation& seen,
-                         double noise_scale) {
+                        const NoiseScale& noise) {
   follow(particles);
   filter.predict_own(*chunk_, seen, chunk_->filter);
   for (std::uint32_t k = 0; k < filter.ny(); ++k) {
     const double y = seen.measured[k];
-    readings_[k] =
-        !std::isnan(y) && !OutlierGate::explains(filter, *chunk_, 0, seen.measured, k, noise_scale) ? NAN : y;
+    readings_[k] = !std::isnan(y) && !OutlierGate::explains(filter, *chunk_, 0, seen.measured, k, noise.now) ? NAN : y;
   }
   LogMean density;
   for (std::uint32_t l = 0; l < kLanes; ++l)
-    density.add(1.0 / kLanes, log_density(filter, *chunk_, l, readings_, noise_scale));
+    density.add(1.0 / kLanes, log_density(filter, *chunk_, l, readings_, noise.calm));
   log_density_ = density.log();
   Observation left = seen;
   left.measured = readings_;
@@ -115,11 +116,11 @@ void SuddenForces::step(const LaneFilter& filter, const FilterParticles& particl
 }
 
 double SuddenForces::ahead_of(const LaneFilter& filter, const FilterChunk* chunks, const FilterParticles& particles,
-                              double noise_scale) const {
+                              const NoiseScale& noise) const {
   LogMean density;
   for (std::uint32_t i = 0; i < particles.n(); ++i) {
     if (!(particles.weight(i) > 0.0)) continue;
-    density.add(particles.weight(i), log_density(filter, chunks[i / kLanes], i % kLanes, readings_, noise_scale));
+    density.add(particles.weight(i), log_density(filter, chunks[i / kLanes], i % kLanes, readings_, noise.calm));
   }
   return log_density_ - density.log();
 }

@@ -12,18 +12,20 @@ namespace tiller {
 /// viscous and dry forces: what is left to the wandering ones is what nobody has learnt.
 class SuddenForces {
  public:
-  /// Null where no joint has a force. The disturbances stand at `at` once there is memory.
+  /// Null where no joint has a force that somebody asks for. The disturbances stand at `at` once there is memory.
   static SuddenForces* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
-                                const DisturbanceStates& disturbances, const DisturbanceStates* at, std::uint32_t d);
+                               const DisturbanceStates& disturbances, const DisturbanceStates* at, std::uint32_t d);
 
   void begin(const LaneFilter& filter, const FilterStart& start, const FilterParticles& particles);
   /// `seen` as it came: what the particles take for a glitch may be a blow. A value that this filter cannot explain
   /// either is one.
-  void step(const LaneFilter& filter, const FilterParticles& particles, const Observation& seen, double noise_scale);
+  void step(const LaneFilter& filter, const FilterParticles& particles, const Observation& seen,
+            const NoiseScale& noise);
   /// Of step()'s readings, those that this filter explained: by how much it predicted them better than the particles,
-  /// which have predicted them in `chunks`. A log ratio of likelihoods.
+  /// which have predicted them in `chunks`, under the noise as it was before a push put anything into it. A log ratio
+  /// of likelihoods. Cost: N residuals a reading.
   double ahead_of(const LaneFilter& filter, const FilterChunk* chunks, const FilterParticles& particles,
-                  double noise_scale) const;
+                  const NoiseScale& noise) const;
   /// The lanes' filters, all of the same weight, and which of their states are sudden forces.
   const FilterChunk& lanes() const { return *chunk_; }
   bool is_sudden(std::uint32_t f) const { return may_touch(f); }

@@ -51,8 +51,8 @@ bool is_driven(const tiller_model_t& model, const EffectInfo& info, std::uint32_
 }
 
 // Where an effect of one kind is looked for: at every port that it fits, and at all inputs at once, as of one bus, one
-// supply or one drive's firmware, if its parameters mean the same at all of them. A rotor and its spring or play are each
-// drive's own.
+// supply or one drive's firmware, if its parameters mean the same at all of them. A rotor and its spring or play are
+// each drive's own.
 std::vector<std::uint32_t> places_of(const tiller_model_t& model, const EffectInfo& info) {
   std::vector<std::uint32_t> places;
   for_ports(info, TILLER_EVERY_PORT, model, [&](std::uint32_t port) { places.push_back(port); });
