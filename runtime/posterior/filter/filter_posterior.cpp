@@ -150,6 +150,7 @@ void FilterPosterior::take_back() {
 
 /// All filters go on from where the one is that looks out for sudden forces, in a window that begins there: what is
 /// left of the one before, the ticks under suspicion apart, goes into the past.
+/// The banks of jumps go on: a parameter's jump looks like a shove at first, and they have their own filters to tell.
 void FilterPosterior::go_on_pushed() {
   window_.drop_newest(sure_end_);
   past_.retire(window_, 0, tools());
@@ -158,7 +159,6 @@ void FilterPosterior::go_on_pushed() {
   start_.begin_pushed(filter_, particles_, *sudden_);
   begin_filters();
   gate_.begin();
-  if (jumps_) jumps_->stop();
   if (adequacy_) adequacy_->begin();
 }
 
