@@ -56,16 +56,18 @@ TEST(ShoveWatch, AcquitsAfterTheLongestSuspicionAndWhereThereMayBeNone) {
 TEST(ShoveWatch, FindsNoMoreThanAFewInARow) {
   ShoveWatch watch;
   watch.reset(20);
-  EXPECT_EQ(count(watch, 100, 100.0, Verdict::shoved), 4);  // of three ticks each
+  EXPECT_EQ(count(watch, 100, 100.0, Verdict::shoved), 4);  // of two ticks each
   EXPECT_EQ(count(watch, 128, -1.0, Verdict::shoved), 0);
   EXPECT_GE(count(watch, 10, 100.0, Verdict::shoved), 1);
 }
 
-TEST(ShoveWatch, TakesTwoReadingsForTheSensors) {
+TEST(ShoveWatch, TakesOneReadingForTheSensors) {
   ShoveWatch watch;
   watch.reset(20);
-  EXPECT_EQ(count(watch, 2, 1e6, Verdict::shoved), 0);
-  EXPECT_EQ(watch.take(1e6), Verdict::shoved);
+  EXPECT_EQ(watch.take(100.0), Verdict::suspicious);
+  EXPECT_EQ(watch.take(-100.0), Verdict::calm) << "the reading after a glitch is where it was before";
+  EXPECT_EQ(watch.take(100.0), Verdict::suspicious);
+  EXPECT_EQ(watch.take(0.0), Verdict::shoved);
 }
 
 TEST(ShoveWatch, TakesWhatIsNoNumberForNothing) {

@@ -16,6 +16,9 @@ namespace {
 constexpr std::uint32_t kRows = FilterParticles::kRows, kLanes = FilterChunk::kLanes;
 /// Number of values that the earlier knowledge of the noise is worth once the robot has changed.
 constexpr double kNoiseWorth = 20.0;
+/// Ticks in which a posterior that has begun takes everything for news: what it has not learnt yet looks like shoves, and
+/// a window that is cut while the cloud is wide is summed up badly.
+constexpr std::uint64_t kNewcomer = 128;
 
 }  // namespace
 
@@ -85,13 +88,14 @@ tiller_status_t FilterPosterior::advance(const Transition& transition, bool move
   const bool doubted = gate_.refuse(filter_, chunks_, particles_.cloud, noise_.now, now.measured);
   const bool resting = moves && rest_.resting(now);
   seen.weight = resting || sticks(seen) ? 0.0 : 1.0;
+  const ShoveWatch::Verdict shove = watch(seen);
   if (adequacy_ && !resting)
     adequacy_->test_innovation(filter_, chunks_, particles_, seen, noise_.now, tempering_.exponent() < 1.0);
   if (jumps_) jumps_->step(filter_, seen, elapsed_s_, noise_.now);
-  const ShoveWatch::Verdict shove = watch(seen);
   correct(seen, shove != ShoveWatch::Verdict::calm);
   if (shove == ShoveWatch::Verdict::shoved) take_back();
-  const tiller_status_t status = reweight(seen);
+  // what may be a shove waits: particles that a resampling drops do not come back with what is taken back
+  const tiller_status_t status = shove == ShoveWatch::Verdict::suspicious ? tempered_status() : reweight(seen);
   if (status == tiller_status_posterior_degenerate) {
     if (shove == ShoveWatch::Verdict::shoved) evidence_.take_back(-suspect_count_);
     shoves_.begin();
@@ -128,7 +132,7 @@ void FilterPosterior::predict(const Observation& seen) {
 /// everything for news.
 ShoveWatch::Verdict FilterPosterior::watch(const Observation& seen) {
   ++learnt_ticks_;
-  const bool settled = tempering_.exponent() == 1.0 && learnt_ticks_ >= FilterAdequacy::kEarly;
+  const bool settled = tempering_.exponent() == 1.0 && learnt_ticks_ >= kNewcomer;
   if (!sudden_ || !shoves_.may_find() || !(settled || shoves_.suspects())) return ShoveWatch::Verdict::calm;
   const bool counts = seen.weight > 0.0;
   const double ahead = counts ? sudden_->ahead_of(filter_, chunks_, particles_, noise_) : 0.0;
@@ -226,7 +230,7 @@ tiller_status_t FilterPosterior::reweight(const Observation& seen) {
     if (tempering_.take(cloud, choice, any_dead)) resample();
   }
   measure_noise();
-  return tempering_.exponent() < 1.0 ? tiller_status_tempered : tiller_status_ok;
+  return tempered_status();
 }
 
 void FilterPosterior::resample() {

@@ -73,6 +73,9 @@ class FilterPosterior final : public Posterior {
   void go_on_pushed();
   void forget(const Observation& seen);
   tiller_status_t reweight(const Observation& seen);
+  tiller_status_t tempered_status() const {
+    return tempering_.exponent() < 1.0 ? tiller_status_tempered : tiller_status_ok;
+  }
   void resample();
   void measure_noise();
   bool sticks(const Observation& seen);

@@ -38,14 +38,14 @@ class ShoveWatch {
   bool may_find() const { return longest_ > 0; }
   Verdict take(double log_ratio) {
     credit_ = credit_ < kMost ? credit_ + kCredit : kMost;
-    const double sum = sum_ + std::min(log_ratio, kMostATick);
+    const double sum = sum_ + log_ratio;
     sum_ = sum > 0.0 ? sum : 0.0;
     if (!(sum_ > kSuspect) || longest_ == 0 || ticks_ == longest_) {
       begin();
       return Verdict::calm;
     }
     ++ticks_;
-    if (sum_ < kShove) return Verdict::suspicious;
+    if (sum_ < kShove || ticks_ < kFewest) return Verdict::suspicious;
     begin();
     if (credit_ < 1.0) return Verdict::calm;
     credit_ -= 1.0;
@@ -54,9 +54,8 @@ class ShoveWatch {
 
  private:
   static constexpr double kSuspect = 1.0, kShove = 8.0;
-  /// One reading alone, or two, may be the sensor's.
-  static constexpr double kMostATick = 3.0;
-  static constexpr std::uint32_t kLongest = 20;
+  /// One reading alone, or two, may be the sensor's: the one after them tells, which a shove still moves.
+  static constexpr std::uint32_t kFewest = 2, kLongest = 20;
   /// Shoves that may follow one another, and that a tick earns: where forces go on to come and go, the posterior learns
   /// how large they are and how fast, for which it has to see them.
   static constexpr double kMost = 4.0, kCredit = 1.0 / 128.0;
