@@ -57,7 +57,7 @@ LINES = [
     ("gate", "return apart(within, value, tolerance) ?", "return !apart(within, value, tolerance) ?"),
     ("gate", "a - b > tolerance || ", ""),
     ("gate", " || b - a > tolerance", ""),
-    ("gate", "kRounding = 1e-6", "kRounding = 0.0"),
+    ("gate", "TILLER_GATE_ROUNDING * (high - low)", "0.0 * (high - low)"),
     ("gate", "} else if (all_finite(fallback, g->count)) {", "} else if (true) {"),
     ("gate", "} else if (all_finite(fallback, g->count)) {", "} else if (false) {"),
     ("gate", "const bool usable = all_finite(wanted, g->count);", "const bool usable = true;"),

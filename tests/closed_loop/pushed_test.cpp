@@ -129,7 +129,7 @@ TEST(Pushed, AShoveIsNotPutDownToTheParameters) {
     EXPECT_LT(std::fabs(with.offset_rad), 5.0 * kSensor_rad) << "seed " << seed;
     held += with.holds;
   }
-  EXPECT_GE(held, 4) << "of " << kSeeds << " intervals of 90 %; fewer are there by chance once in a hundred times";
+  EXPECT_GE(held, 4) << "of " << kSeeds << " intervals of 90 %; fewer are there by chance in 2 % of such tests";
 }
 
 // An offset of less than the sensor's deviation is none that the robot could see.
