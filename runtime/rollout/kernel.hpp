@@ -216,7 +216,8 @@ struct Kernel {
       default: return roll_all<float, 4, false, true, kExtra, tiller_integrator_rk4>(job);
     }
   }
-  /// Registers that go side by side, so that one does not wait for the other. Long equations have enough to do with one.
+  /// Registers that go side by side, so that one does not wait for the other. Long equations have enough to do with
+  /// one.
   static constexpr int kTogether_f32 = Model::kLongDynamics ? 1 : 4, kTogether_f64 = Model::kLongDynamics ? 1 : 2;
   /// Planning without effects is the path worth a copy per integrator, where it is more than the equations' calls;
   /// everything else shares one.

@@ -1,9 +1,8 @@
 #pragma once
 
 // Products of small matrices whose sizes only run time knows, in tiles that stay in registers: four rows by two pieces
-// of columns. A row's last piece and a matrix's last rows reach back over
-// those before instead of being cut smaller. What is reached twice is computed twice, to the same bits: results never
-// lie where summands are read.
+// of columns. A row's last piece and a matrix's last rows reach back over those before instead of being cut smaller.
+// What is reached twice is computed twice, to the same bits: results never lie where summands are read.
 
 #include "rollout/lq_row.hpp"
 

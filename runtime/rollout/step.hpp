@@ -449,8 +449,9 @@ struct Stepper {
   /// An entry of the inverse inertia: without derivatives where respond_still() leaves them out.
   using Share = std::conditional_t<kSloped, Value, S>;
 
-  /// Accelerations for unit forces of a model that knows its slopes, on dual numbers: how the inverse inertia itself changes with the pose
-  /// is left out of derivatives. It would act through what reacts at the joints alone, to the second order of the step.
+  /// Accelerations for unit forces of a model that knows its slopes, on dual numbers: how the inverse inertia itself
+  /// changes with the pose is left out of derivatives. It would act through what reacts at the joints alone, to the
+  /// second order of the step.
   template <class D>
   __attribute__((noinline)) void respond_still(const typename Model::template State<D>& x, const Body<D>& dual_body,
                                                const typename Model::template Params<D>& p,
