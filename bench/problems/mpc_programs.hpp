@@ -4,7 +4,7 @@
 // bench_qp_sizes writes.
 //
 //     minimise  1/2 sum_{k<N} (x'Qx + u'Ru) + 1/2 x_N' Qf x_N
-//     subject to  x_{k+1} = A x_k + B u_k,  |u| <= u_max,  |x_i| <= x_max_i for k >= 1 (infinite for half of the states)
+//     subject to  x_{k+1} = A x_k + B u_k,  |u| <= u_max,  |x_i| <= x_max_i for k >= 1 (infinite for half of them)
 
 #include <cmath>
 #include <cstdio>

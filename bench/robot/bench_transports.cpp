@@ -1,6 +1,6 @@
 // The way of a measurement to a controller and of its command back, over LCM and over ROS 2's wire by turns, between
-// two processes: from publishing to receiving, with a controller that answers at once. ./dev bench transports runs it on
-// a loopback of its own.
+// two processes: from publishing to receiving, with a controller that answers at once. ./dev bench transports runs it
+// on a loopback of its own.
 
 #include <poll.h>
 #include <sys/wait.h>

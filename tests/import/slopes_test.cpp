@@ -18,7 +18,7 @@ namespace {
 using namespace tiller::tools;
 using tiller::Dual;
 
-// ---- the recursion ---------------------------------------------------------------------------------------------------
+// ---- the recursion ----
 
 /// A tree of revolute and prismatic joints whose bodies have an inertia of some sort; the recursion does not ask
 /// whether a body can have it.

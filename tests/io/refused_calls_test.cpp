@@ -165,9 +165,12 @@ TEST_F(RefusedCalls, WhoSentItAndHowMuchIsLookedAt) {
   ::close(sender);
 }
 
-LcmOptions by_udp() {
+constexpr const char* kUdp = "udpm://239.255.76.67:7667?ttl=0";
+constexpr const char* kLiblcm = "tcpq://localhost:7700";
+
+LcmOptions by(const char* url) {
   LcmOptions options;
-  options.url = "udpm://239.255.76.67:7667?ttl=0";
+  options.url = url;
   options.channel_prefix = "";
   options.measurement_count = options.input_count = 1;
   return options;
@@ -175,7 +178,7 @@ LcmOptions by_udp() {
 
 TEST_F(RefusedCalls, AFloodHoldsNoTickAndABrokenSocketIsTold) {
   LcmTransport transport;
-  ASSERT_EQ(lcm_transport_open(&transport, by_udp(), &error), tiller_status_ok) << error.text;
+  ASSERT_EQ(lcm_transport_open(&transport, by(kUdp), &error), tiller_status_ok) << error.text;
   UdpMulticast other;
   ASSERT_EQ(other.open(loopback_url(), "OTHER", &error), tiller_status_ok);
   std::uint8_t packet[64];
@@ -194,7 +197,7 @@ TEST_F(RefusedCalls, AFloodHoldsNoTickAndABrokenSocketIsTold) {
 
 TEST_F(RefusedCalls, TelemetryStopsAtTheFirstMessageThatDoesNotGoOut) {
   LcmTransport transport;
-  ASSERT_EQ(lcm_transport_open(&transport, by_udp(), &error), tiller_status_ok) << error.text;
+  ASSERT_EQ(lcm_transport_open(&transport, by(kUdp), &error), tiller_status_ok) << error.text;
   tiller_info_t info{};
   const auto tell = [&](std::uint32_t states, std::uint32_t params) {
     return lcm_send_telemetry(&transport, 0, info, states, params, {});
@@ -215,7 +218,7 @@ TEST_F(RefusedCalls, TelemetryStopsAtTheFirstMessageThatDoesNotGoOut) {
 
 TEST_F(RefusedCalls, AnAnswerIsRepeatedWhileThereIsSomewhereToSendIt) {
   LcmTransport transport;
-  LcmOptions options = by_udp();
+  LcmOptions options = by(kUdp);
   options.lockstep = true;
   ASSERT_EQ(lcm_transport_open(&transport, options, &error), tiller_status_ok) << error.text;
   LcmMeasurement message{};
@@ -349,28 +352,20 @@ TEST_F(RefusedCalls, RandomNumbersComeOrTheOpeningFails) {
 
 // ---- liblcm ----
 
-LcmOptions by_liblcm() {
-  LcmOptions options;
-  options.url = "tcpq://localhost:7700";
-  options.channel_prefix = "";
-  options.measurement_count = options.input_count = 1;
-  return options;
-}
-
 TEST_F(RefusedCalls, LiblcmThatDoesNotOpenLeavesNothing) {
   LcmTransport transport;
   lcm.creates = false;
-  EXPECT_EQ(lcm_transport_open(&transport, by_liblcm(), &error), tiller_status_io_error);
+  EXPECT_EQ(lcm_transport_open(&transport, by(kLiblcm), &error), tiller_status_io_error);
   EXPECT_TRUE(holds(error.text, "URL of one of liblcm's providers")) << error.text;
   lcm.creates = true;
   lcm.subscribes = false;
-  EXPECT_EQ(lcm_transport_open(&transport, by_liblcm(), &error), tiller_status_io_error);
+  EXPECT_EQ(lcm_transport_open(&transport, by(kLiblcm), &error), tiller_status_io_error);
   EXPECT_TRUE(holds(error.text, "cannot receive")) << error.text;
   EXPECT_EQ(lcm.destroyed, 1);
   EXPECT_EQ(transport.lcm, nullptr);
   liblcm_close(&transport);
   EXPECT_EQ(lcm.destroyed, 1) << "once";
-  LcmOptions unreachable = by_liblcm();
+  LcmOptions unreachable = by(kLiblcm);
   unreachable.url = "udpm://239.255.76.67:7667?ttl=0";
   unreachable.liblcm = true;
   kernel().only = "connect";
@@ -379,7 +374,7 @@ TEST_F(RefusedCalls, LiblcmThatDoesNotOpenLeavesNothing) {
 
 TEST_F(RefusedCalls, LiblcmsErrorsAreStatuses) {
   LcmTransport transport;
-  ASSERT_EQ(lcm_transport_open(&transport, by_liblcm(), &error), tiller_status_ok);
+  ASSERT_EQ(lcm_transport_open(&transport, by(kLiblcm), &error), tiller_status_ok);
   tiller_measurement_t measurement;
   EXPECT_EQ(kLcmTransport.poll(&transport, &measurement), tiller_status_no_new_measurement);
   EXPECT_EQ(kLcmTransport.descriptor(&transport), 99);
@@ -409,23 +404,23 @@ TEST_F(RefusedCalls, LiblcmsErrorsAreStatuses) {
 TEST_F(RefusedCalls, OptionsOfLcmAreCheckedOneByOne) {
   LcmTransport transport;
   const auto open = [&](const LcmOptions& options) { return lcm_transport_open(&transport, options, &error); };
-  EXPECT_EQ(lcm_transport_open(nullptr, by_liblcm(), &error), tiller_status_null_argument);
-  LcmOptions o = by_liblcm();
+  EXPECT_EQ(lcm_transport_open(nullptr, by(kLiblcm), &error), tiller_status_null_argument);
+  LcmOptions o = by(kLiblcm);
   o.url = nullptr;
   EXPECT_EQ(open(o), tiller_status_null_argument);
-  o = by_liblcm(), o.channel_prefix = nullptr;
+  o = by(kLiblcm), o.channel_prefix = nullptr;
   EXPECT_EQ(open(o), tiller_status_null_argument);
   const std::string longer(LcmTransport::kMaxPrefix + 1, 'a');
   for (const char* prefix : {longer.c_str(), "a.b", "a*", "\xff"}) {
-    o = by_liblcm(), o.channel_prefix = prefix;
+    o = by(kLiblcm), o.channel_prefix = prefix;
     EXPECT_EQ(open(o), tiller_status_bad_message) << prefix;
   }
-  o = by_liblcm(), o.channel_prefix = "arm-1_";
+  o = by(kLiblcm), o.channel_prefix = "arm-1_";
   EXPECT_EQ(open(o), tiller_status_ok);
   kLcmTransport.close(&transport);
   const std::uint32_t counts[][2] = {{0, 1}, {TILLER_MAX_MEASUREMENTS + 1, 1}, {1, 0}, {1, TILLER_MAX_INPUTS + 1}};
   for (const auto& c : counts) {
-    o = by_liblcm(), o.measurement_count = c[0], o.input_count = c[1];
+    o = by(kLiblcm), o.measurement_count = c[0], o.input_count = c[1];
     EXPECT_EQ(open(o), tiller_status_bad_dimension) << c[0] << " " << c[1];
   }
 }

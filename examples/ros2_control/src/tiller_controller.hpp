@@ -15,8 +15,8 @@ namespace tiller_ros2_control {
 ///     state_interfaces: ["shoulder/position", "elbow/position"]   in the order of [measurement]
 ///     command_interfaces: ["shoulder/effort", "elbow/effort"]     in the order of the model's inputs
 ///
-/// update() allocates nothing, takes no lock and prints nothing. It may run faster than the controller's period: between
-/// two ticks the last command holds.
+/// update() allocates nothing, takes no lock and prints nothing. It may run faster than the controller's period:
+/// between two ticks the last command holds.
 class TillerController : public controller_interface::ControllerInterface {
  public:
   controller_interface::CallbackReturn on_init() override;

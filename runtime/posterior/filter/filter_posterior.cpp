@@ -16,8 +16,8 @@ namespace {
 constexpr std::uint32_t kRows = FilterParticles::kRows, kLanes = FilterChunk::kLanes;
 /// Number of values that the earlier knowledge of the noise is worth once the robot has changed.
 constexpr double kNoiseWorth = 20.0;
-/// Ticks in which a posterior that has begun takes everything for news: what it has not learnt yet looks like shoves, and
-/// a window that is cut while the cloud is wide is summed up badly.
+/// Ticks in which a posterior that has begun takes everything for news: what it has not learnt yet looks like shoves,
+/// and a window that is cut while the cloud is wide is summed up badly.
 constexpr std::uint64_t kNewcomer = 128;
 
 }  // namespace
@@ -128,12 +128,11 @@ void FilterPosterior::predict(const Observation& seen) {
                  [&](std::uint32_t c) { filter_.predict(chunks_[c], seen, particles_.step(c)); });
 }
 
-/// Whether a shove has begun or ended. A posterior that has not settled, or has not learnt how large forces are, takes
-/// everything for news.
+/// Whether a shove has begun or ended. A posterior that is tempered, or has only begun, takes everything for news.
 ShoveWatch::Verdict FilterPosterior::watch(const Observation& seen) {
   ++learnt_ticks_;
-  const bool settled = tempering_.exponent() == 1.0 && learnt_ticks_ >= kNewcomer;
-  if (!sudden_ || !shoves_.may_find() || !(settled || shoves_.suspects())) return ShoveWatch::Verdict::calm;
+  const bool knows = tempering_.exponent() == 1.0 && learnt_ticks_ >= kNewcomer;
+  if (!sudden_ || !shoves_.may_find() || !(knows || shoves_.suspects())) return ShoveWatch::Verdict::calm;
   const bool counts = seen.weight > 0.0;
   const double ahead = counts ? sudden_->ahead_of(filter_, chunks_, particles_, noise_) : 0.0;
   const bool fresh = !shoves_.suspects();
@@ -153,8 +152,7 @@ void FilterPosterior::take_back() {
 }
 
 /// All filters go on from where the one is that looks out for sudden forces, in a window that begins there: what is
-/// left of the one before, the ticks under suspicion apart, goes into the past.
-/// The banks of jumps go on: a parameter's jump looks like a shove at first, and they have their own filters to tell.
+/// left of the one before, the ticks under suspicion apart, goes into the past. The banks of jumps go on: a parameter's jump looks like a shove at first, and they have their own filters to tell.
 void FilterPosterior::go_on_pushed() {
   window_.drop_newest(sure_end_);
   past_.retire(window_, 0, tools());

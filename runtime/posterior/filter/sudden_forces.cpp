@@ -57,8 +57,7 @@ SuddenForces* SuddenForces::lay_out(Arena& arena, const tiller_config_t& config,
   return c;
 }
 
-/// Whether a state is a force that may be a contact's.
-bool SuddenForces::may_touch(std::uint32_t f) const {
+bool SuddenForces::is_sudden(std::uint32_t f) const {
   const DisturbanceStates& disturbances = *chunk_->lacking;
   return disturbances.wanders(f) && chunk_->law[disturbances.source_of(f) * kLanes] != 0.0;
 }
@@ -76,13 +75,13 @@ void SuddenForces::follow(const FilterParticles& particles) const {
       chunk.params[p * kLanes + l] = particles.params_now()[p * n + i];
     chunk.process_scale[l] = particles.process_scale[i];
     for (std::uint32_t f = 0; f < disturbances.states(); ++f)
-      if (!may_touch(f)) chunk.filter.state[(nx + f) * kLanes + l] = particles.state(nx + f)[i];
+      if (!is_sudden(f)) chunk.filter.state[(nx + f) * kLanes + l] = particles.state(nx + f)[i];
     for (std::uint32_t f = 0; f < disturbances.drifts(); ++f)  // the parameters have them already
       chunk.filter.state[(nx + disturbances.drift_state(f)) * kLanes + l] = 0.0;
   }
   // these are known, as far as this filter goes
   for (std::uint32_t f = 0; f < disturbances.states(); ++f) {
-    if (may_touch(f)) continue;
+    if (is_sudden(f)) continue;
     for (std::uint32_t c = 0; c < nf; ++c) {
       const std::uint32_t r = nx + f;
       double* row = chunk.filter.covariance + triangle_row(nf, std::min(r, c), std::max(r, c)) * kLanes;

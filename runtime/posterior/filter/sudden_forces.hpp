@@ -28,14 +28,13 @@ class SuddenForces {
                   const NoiseScale& noise) const;
   /// The lanes' filters, all of the same weight, and which of their states are sudden forces.
   const FilterChunk& lanes() const { return *chunk_; }
-  bool is_sudden(std::uint32_t f) const { return may_touch(f); }
+  bool is_sudden(std::uint32_t f) const;
   /// Means and deviations of the forces (joints) under this noise.
   void read(const LaneFilter& filter, double noise_scale, double* mean, double* sd) const;
 
  private:
   static constexpr std::uint32_t kLanes = FilterChunk::kLanes;
 
-  bool may_touch(std::uint32_t f) const;
   void follow(const FilterParticles& particles) const;
 
   const FilterChunk* chunk_ = nullptr;
