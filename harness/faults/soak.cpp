@@ -13,7 +13,7 @@
 #include <memory>
 #include <new>
 
-#include "harness/faults/fault_world.hpp"
+#include "harness/faults/soak_events.hpp"
 #include "io/memory_transport.hpp"
 #include "tiller/config.hpp"
 
@@ -24,29 +24,6 @@ constexpr double kPi = 3.14159265358979323846, kPeriod_s = 0.01;
 
 struct AlignedFree {
   void operator()(void* p) const { ::operator delete (p, std::align_val_t{TILLER_ALIGNMENT}); }
-};
-
-/// A bob on a massless rod, angle 0 hangs.
-struct Bob {
-  double mass_kg = 0.45, length_m = 0.5, damping_Nms = 0.05, push_Nm = 0.0;
-  double x[2] = {kPi, 0.0};
-
-  void derivative(const double* s, double torque_Nm, double* dxdt) const {
-    dxdt[0] = s[1];
-    dxdt[1] =
-        (torque_Nm + push_Nm - damping_Nms * s[1]) / (mass_kg * length_m * length_m) - 9.81 / length_m * std::sin(s[0]);
-  }
-  void step(double torque_Nm, double h) {
-    double k[4][2], at[2];
-    derivative(x, torque_Nm, k[0]);
-    for (int i = 1; i < 4; ++i) {
-      const double reach = i == 3 ? h : 0.5 * h;
-      at[0] = x[0] + reach * k[i - 1][0];
-      at[1] = x[1] + reach * k[i - 1][1];
-      derivative(at, torque_Nm, k[i]);
-    }
-    for (int i = 0; i < 2; ++i) x[i] += h / 6.0 * (k[0][i] + 2.0 * k[1][i] + 2.0 * k[2][i] + k[3][i]);
-  }
 };
 
 tiller::Config upright(bool eventful) {
@@ -113,141 +90,6 @@ void hash_bits(std::uint64_t& hash, double value) {
   for (int i = 0; i < 8; ++i) hash = (hash ^ (bits >> (8 * i) & 0xff)) * 1099511628211ull;
 }
 
-/// The stamp and the value of a reading on its way, whether there is one, and the tick's clock.
-struct Reading {
-  std::int64_t now_us = 0, stamp_us = 0;
-  double angle_rad = 0.0;
-  bool sent = true;
-};
-
-/// What happens to robot and readings, one event after the other.
-class Events {
- public:
-  Events(tiller_t* controller, const tiller::Config& config, Bob& bob, SoakOutcome& out)
-      : controller_(controller), config_(config), bob_(bob), out_(out), random_(12) {}
-
-  /// Before a tick.
-  void disturb(Reading& reading, std::uint32_t state) {
-    if (wait_ == 0) begin();
-    --wait_;
-    host(state);
-    if (age_ < kLongest) act(age_++, reading);
-    reading.now_us += clock_us_;
-    reading.stamp_us += clock_us_;
-  }
-  void judge(const tiller_command_t& command) {
-    const double u = command.value[0];
-    const tiller_safety_config_t& limits = config_.safety;
-    const bool within = std::isfinite(u) && u >= limits.input_low[0] && u <= limits.input_high[0];
-    const bool safe = command.state != tiller_state_safe || u == limits.safe_command[0];
-    if (!within || !safe) ++out_.unsafe;
-    tiller_info_t info;
-    tiller_get_info(controller_, &info);
-    const double* const believed[] = {info.param_mean, info.param_sd, info.state_mean};
-    for (const double* values : believed)
-      if (!std::isfinite(values[0]) || !std::isfinite(values[1])) ++out_.not_finite;
-    out_.relearned = info.relearned;
-    const double off = std::remainder(bob_.x[0] - kPi, 2.0 * kPi);
-    calm_ = command.state == tiller_state_active && std::fabs(off) < kNear_rad;
-  }
-
- private:
-  static constexpr std::uint32_t kLongest = 200;  // ticks of an event
-  static constexpr std::uint32_t kPause = 600;    // and at least until the next: to be reset and to swing into place
-  static constexpr double kNear_rad = 0.3;
-
-  void begin() {
-    if (begun_ > 0 && !calm_) ++out_.unrecovered;
-    constexpr auto kKinds = static_cast<std::uint32_t>(SoakEvent::count);
-    event_ = static_cast<SoakEvent>(begun_ < kKinds ? begun_ : random_.below(kKinds));  // each once, then by chance
-    ++begun_;
-    ++out_.events[static_cast<int>(event_)];
-    wait_ = kLongest + kPause + random_.below(200);
-    age_ = 0;
-  }
-
-  /// Whoever looks after the robot: after SAFE or a disarming it puts the bob upright, resets and arms.
-  void host(std::uint32_t state) {
-    const bool stands = state == tiller_state_safe || (state == tiller_state_standby && age_ > 100);
-    still_ = stands ? still_ + 1 : 0;
-    if (still_ < 50) return;
-    still_ = 0;
-    bob_.x[0] = kPi;
-    bob_.x[1] = 0.0;
-    if (state == tiller_state_safe) {
-      ++out_.resets;
-      (void)tiller_reset(controller_);
-    }
-    (void)tiller_arm(controller_);
-  }
-
-  void act(std::uint32_t age, Reading& reading) {
-    constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-    switch (event_) {
-      case SoakEvent::drifting_clock: reading.stamp_us -= 70 * static_cast<std::int64_t>(age); break;
-      case SoakEvent::stamps_back:
-        if (age < 2) reading.stamp_us -= 5000000;
-        break;
-      case SoakEvent::clocks_ahead:
-        if (age == 0) clock_us_ += 3600000000;
-        break;
-      case SoakEvent::clocks_back:
-        if (age == 0) clock_us_ -= 60000000;
-        break;
-      case SoakEvent::short_silence: reading.sent = age >= 5; break;
-      case SoakEvent::long_silence: reading.sent = age >= 50; break;
-      case SoakEvent::other_mass:
-        if (age == 0) bob_.mass_kg = random_.uniform(0.35, 0.6);
-        break;
-      case SoakEvent::push:
-        if (age == 0) bob_.push_Nm = random_.sign() * random_.uniform(0.05, 0.4);
-        if (age == kLongest - 1) bob_.push_Nm = 0.0;
-        break;
-      case SoakEvent::not_a_number:
-        if (age == 0) reading.angle_rad = kNaN;
-        if (age == 1) reading.angle_rad = std::numeric_limits<double>::infinity();
-        break;
-      case SoakEvent::spike:
-        if (age == 0) reading.angle_rad += 1.0;
-        break;
-      case SoakEvent::disarmed:
-        if (age == 0) (void)tiller_disarm(controller_);
-        break;
-      case SoakEvent::stopped:
-        if (age == 0) (void)tiller_stop(controller_, tiller_status_actuator_fault);
-        break;
-      case SoakEvent::other_goal: aim(age == kLongest - 1 ? kPi : kPi + 0.1); break;
-      case SoakEvent::bad_calls: call_badly(); break;
-      case SoakEvent::count: break;
-    }
-  }
-
-  void aim(double angle_rad) {
-    const double target[2] = {angle_rad, 0.0};
-    (void)tiller_set_target(controller_, target);
-  }
-  void call_badly() {
-    const double bad[2] = {std::numeric_limits<double>::quiet_NaN(), 0.0};
-    double value = 0.0;
-    const bool refused = tiller_set_target(controller_, bad) != tiller_status_ok &&
-                         tiller_set_target(controller_, nullptr) != tiller_status_ok &&
-                         tiller_get_quantile(controller_, 99, 0.5, &value) != tiller_status_ok &&
-                         tiller_set_reference(controller_, nullptr, nullptr, 0) != tiller_status_ok;
-    if (!refused) ++out_.taken;
-  }
-
-  tiller_t* controller_;
-  const tiller::Config& config_;
-  Bob& bob_;
-  SoakOutcome& out_;
-  Random random_;
-  SoakEvent event_ = SoakEvent::count;
-  std::uint32_t wait_ = 1000, age_ = kLongest, still_ = 0;  // the first event after ten seconds
-  std::int64_t clock_us_ = 0;
-  std::uint64_t begun_ = 0;
-  bool calm_ = false;
-};
-
 class Soak {
  public:
   explicit Soak(const SoakCase& soak) : soak_(soak), config_(upright(soak.eventful)), random_(11) {
@@ -256,7 +98,7 @@ class Soak {
     (void)tiller_init(&controller_, &config_, nullptr, block_.get(), size);
     (void)tiller_arm(controller_);
     out_.hash = 14695981039346656037ull;
-    if (soak.eventful) events_ = std::make_unique<Events>(controller_, config_, bob_, out_);
+    if (soak.eventful) events_ = std::make_unique<SoakEvents>(controller_, config_, bob_, out_);
   }
 
   SoakOutcome go() {
@@ -326,19 +168,11 @@ class Soak {
   std::unique_ptr<void, AlignedFree> block_;
   tiller_t* controller_ = nullptr;
   SoakOutcome out_;
-  std::unique_ptr<Events> events_;  // null: nothing happens
+  std::unique_ptr<SoakEvents> events_;  // null: nothing happens
   std::uint32_t state_ = tiller_state_init;
 };
 
 }  // namespace
-
-const char* name_of(SoakEvent event) {
-  static const char* const names[] = {"drifting clock", "stamps back", "clocks ahead", "clocks back",  "short silence",
-                                      "long silence",   "other mass",  "push",         "not a number", "spike",
-                                      "disarmed",       "stopped",     "other goal",   "bad calls"};
-  static_assert(sizeof names / sizeof *names == static_cast<int>(SoakEvent::count));
-  return names[static_cast<int>(event)];
-}
 
 SoakOutcome run_soak(const SoakCase& soak) { return std::make_unique<Soak>(soak)->go(); }
 

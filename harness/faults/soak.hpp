@@ -50,12 +50,15 @@ struct SoakOutcome {
   double worst_angle_rad = 0.0;       ///< from upright, after the first second
   // of an eventful soak
   std::uint64_t events[static_cast<int>(SoakEvent::count)] = {};
-  std::uint64_t unsafe = 0;       ///< commands that are not finite, beyond a limit, or in SAFE not the safe one
-  std::uint64_t resets = 0;       ///< after SAFE
-  std::uint64_t unrecovered = 0;  ///< times that it was not ACTIVE and near upright when the next event was due
-  std::uint64_t taken = 0;        ///< calls with what is no value that were not refused
-  std::uint64_t relearned = 0;    ///< times that the posterior began again
-  std::uint64_t not_finite = 0;   ///< ticks with a belief that is not finite
+  std::uint64_t unsafe = 0;  ///< commands that are not finite, beyond a limit, or in SAFE not the safe one
+  std::uint64_t resets = 0;  ///< after SAFE
+  /// Times that it was not ACTIVE and near upright when the next event was due; by the event before.
+  std::uint64_t unrecovered = 0, unrecovered_after[static_cast<int>(SoakEvent::count)] = {};
+  std::uint64_t settled = 0;     ///< ticks 3 s or more after an event, and of these
+  std::uint64_t deceived = 0;    ///< with a mass that is off by a tenth and by four deviations
+  std::uint64_t taken = 0;       ///< calls with what is no value that were not refused
+  std::uint64_t relearned = 0;   ///< times that the posterior began again
+  std::uint64_t not_finite = 0;  ///< ticks with a belief that is not finite
 };
 
 /// A pendulum held upright for all that time, its plant an equation of its own (RK4 at 2 ms). About 20 us a tick.

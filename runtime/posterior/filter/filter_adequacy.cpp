@@ -9,9 +9,12 @@ namespace tiller {
 namespace {
 
 constexpr std::uint32_t kLanes = FilterChunk::kLanes;
-/// An alarm within so many ticks of learning again is no change of the robot: no parameters explain it. And who has
-/// explained the data for as long has been right.
+/// Who has explained the data for so many ticks after an alarm has been right.
 constexpr std::uint32_t kTrial = 1024;
+/// An alarm within so many ticks of learning again is no change of the robot: no parameters explain it, or it came in
+/// the middle of something else. If it lasts, the posterior tries again, after twice as long every time: a model that
+/// lacks an effect is not for ever in doubt, and what was learnt in a bad moment not for ever believed.
+constexpr std::uint32_t kShortestWait = 256, kLongestWait = 1u << 16;
 
 }  // namespace
 
@@ -39,7 +42,8 @@ void FilterAdequacy::clear() {
 
 void FilterAdequacy::reset() {
   clear();
-  trial_ = 0;
+  trial_ = wait_ = 0;
+  next_wait_ = kShortestWait;
   early_ = kEarly;
 }
 
@@ -55,12 +59,17 @@ void FilterAdequacy::restart() {
 }
 
 bool FilterAdequacy::sees_change() {
+  if (wait_ > 0) --wait_;
   if (test_->sounds()) {
-    const bool on_trial = trial_ > 0;
     trial_ = kTrial;
-    return !on_trial;
+    if (wait_ > 0) return false;
+    wait_ = next_wait_;
+    if (next_wait_ < kLongestWait) next_wait_ *= 2;
+    return true;
   }
-  if (trial_ > 0 && --trial_ == 0 && test_->state() == tiller_adequacy_inadequate) test_->withdraw();
+  if (trial_ == 0 || --trial_ > 0) return false;
+  next_wait_ = kShortestWait;
+  if (test_->state() == tiller_adequacy_inadequate) test_->withdraw();
   return false;
 }
 

@@ -43,9 +43,10 @@ class FilterAdequacy {
 
   AdequacyTest* test_ = nullptr;
   DisturbanceResponse* response_ = nullptr;
-  double* scratch_ = nullptr;  // (nx + nx * nx + nx * nu x kLanes)
-  std::uint32_t trial_ = 0;    // ticks left in which a further alarm is not a change
-  std::uint32_t early_ = 0;    // ticks left in which a tempered posterior is not tested
+  double* scratch_ = nullptr;               // (nx + nx * nx + nx * nu x kLanes)
+  std::uint32_t trial_ = 0;                 // ticks left of kTrial, begun again by every alarm
+  std::uint32_t wait_ = 0, next_wait_ = 0;  // ticks until an alarm is a change again; after the next change
+  std::uint32_t early_ = 0;                 // ticks left in which a tempered posterior is not tested
 };
 
 }  // namespace tiller
