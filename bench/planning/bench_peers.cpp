@@ -188,7 +188,7 @@ struct Hover {
     qp.start = given.state(i);
     const QpStatus status = use_osqp ? solve_osqp(osqp, qp, limits, true, solution).status
                                      : solve_riccati_qp(riccati, qp, limits, solution).status;
-    qp.repeats = true;  // the peers are told too that the start alone changes
+    qp.repeats = true;  // the peers are told too that vectors alone change
     return status;
   }
 };

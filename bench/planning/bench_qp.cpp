@@ -70,8 +70,8 @@ class Comparison {
   std::vector<double> first_input() const { return {solution_.u, solution_.u + kInputs}; }
   void forget() {
     hover_.qp.repeats = false;
-    for (int j = 0; j < kHorizon * kInputs; ++j) riccati_.set.held[j] = 0, solution_.u[j] = 0.0;
-    for (int j = 0; j < (kHorizon + 1) * kStates; ++j) riccati_.dual.held[j] = 0;
+    for (int j = 0; j < kHorizon * kInputs; ++j) solution_.u[j] = 0.0;
+    forget_active_set(riccati_.dual);
   }
   QpReport solve_cold() {
     forget();
@@ -154,11 +154,11 @@ void Comparison::record_loops() {
 
 QpReport Comparison::solve_loop(std::size_t i) {
   hover_.qp.start = loop_[i].data();
-  hover_.qp.repeats = true;  // of these loops the start alone changes, as OSQP is told too
+  hover_.qp.repeats = true;  // of these loops vectors alone change, as OSQP is told too
   if (i % kLoopSteps == 0)
     forget();
   else
-    shift_active_set(riccati_, hover_.qp.lq, 1);
+    shift_active_set(riccati_.dual, hover_.qp.lq, 1);
   return solve_riccati_qp(riccati_, hover_.qp, limits_, solution_);
 }
 

@@ -52,7 +52,8 @@ struct Programs {
     q.a = a.data(), q.b = b.data(), q.qxx = qxx.data(), q.quu = quu.data(), q.qx = qx.data(), q.qu = qu.data();
     q.low = low.data(), q.high = high.data();
     qp.state_low = state_low.data(), qp.state_high = state_high.data();
-    const LqKernel& kernel = select_lq(best_isa(), q.states, q.inputs);
+    // 4/1: as a planner of a cart-pole gets it
+    const LqKernel& kernel = select_lq(select_rollout(*tiller_find_model("cart_pole")), q.states, q.inputs);
     solution = solution_block.make([&](Arena& arena) { return lay_out_qp_solution(arena, q); });
     work = work_block.make([&](Arena& arena) { return lay_out_riccati_qp(arena, q, kernel); });
     limits.iterations = 200;
@@ -63,8 +64,7 @@ struct Programs {
 
   void forget() {
     qp.repeats = false;
-    std::fill_n(work.set.held, N * m, std::int8_t{0});
-    if (work.dual.held) std::fill_n(work.dual.held, (N + 1) * n, std::int8_t{0});
+    if (work.dual.length > 0) forget_active_set(work.dual);
     std::fill_n(solution.u, N * m, 0.0);
   }
   QpReport solve(const double* start) {
@@ -75,7 +75,7 @@ struct Programs {
     forget();
     return solve(start);
   }
-  /// All but the start as before.
+  /// Matrices as before.
   QpReport solve_warm(const double* start) {
     const QpReport report = solve(start);
     qp.repeats = true;
@@ -215,7 +215,7 @@ Contender contender(const MpcPrograms& given, const MpcCase& c) {
   const auto solve = [programs, &c, cold, shifts](int i) {
     const double* start = c.states.data() + programs->n * static_cast<std::size_t>(i);
     if (cold) return programs->solve_cold(start);
-    if (shifts) shift_active_set(programs->work, programs->qp.lq, 1);
+    if (shifts && programs->work.dual.length > 0) shift_active_set(programs->work.dual, programs->qp.lq, 1);
     return programs->solve_warm(start);
   };
   double error = 0.0, residual = 0.0, iterations = 0.0;
@@ -226,6 +226,7 @@ Contender contender(const MpcPrograms& given, const MpcCase& c) {
       iterations += 0.5 * report.iterations / c.count;
       unsolved += report.status != (none ? QpStatus::infeasible : QpStatus::solved);
       if (none) continue;
+      complete_multipliers(programs->qp, programs->solution);
       residual = std::max(residual, kkt_residual(programs->qp, programs->solution).worst());
       for (std::size_t j = 0; j < programs->m; ++j)
         error =

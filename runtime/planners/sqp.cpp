@@ -297,6 +297,8 @@ void shift(Sqp& s, std::uint64_t tick) {
   const std::uint64_t ticks = p.has_sequence && tick > p.last_tick ? tick - p.last_tick : 0;
   const auto gone = static_cast<std::uint32_t>(ticks < p.horizon ? ticks : p.horizon);
   if (gone > 0) shift_active_set(s.part.set, p.problem, gone);
+  if (gone > 0 && s.part.whole.dual.length > 0)
+    shift_active_set(s.part.whole.dual, s.bounds.of_rates ? lifted_sizes(p, p.problem) : p.problem, gone);
   if (gone > 0 && s.open) shift_settled(p, gone);
   shift_path(p, tick);
 }
@@ -347,6 +349,8 @@ void reset(void* self) {
   reset_path_plan(s.plan);
   reset_escape(*s.escape);
   s.prepared = s.converged = s.unsolved = s.part.set.stands = s.multiple = s.open = false;
+  s.part.whole.dual.sound = false;
+  if (s.part.whole.dual.length > 0) forget_active_set(s.part.whole.dual);
   s.violation = 0.0;
   for (std::size_t i = 0; i < std::size_t{s.plan.horizon} * s.plan.nu; ++i) s.part.set.held[i] = 0;
 }

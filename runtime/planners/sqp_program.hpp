@@ -53,8 +53,8 @@ struct LiftedArrays {
 struct SqpPart {
   SqpProgram plain, lifted;
   LiftedArrays lift;
-  ActiveSetQp set;         // on the plain program
-  InteriorPoint interior;  // on the lifted program where rates are limited, else on the plain one
+  ActiveSetQp set;  // on the plain program
+  RiccatiQp whole;  // on the lifted program where rates are limited, else on the plain one; in a tree its interior point
 };
 
 /// Where a part's rows lie on paths.

@@ -69,8 +69,10 @@ bool solve_whole(Sqp& s, const PartPath& path, const QpLimits& limits) {
     if (p.scenarios == p.most_scenarios) report = solve_osqp(s.osqp, program.qp, limits, false, program.solution);
   } else {
     const LqProblem& q = program.qp.lq;
-    s.part.interior.kernel = &select_lq(*p.table, q.states, q.inputs, q.scenarios);
-    report = solve_interior_point(s.part.interior, program.qp, limits, program.solution);
+    RiccatiQp& whole = s.part.whole;
+    whole.interior.kernel = whole.dual.kernel = &select_lq(*p.table, q.states, q.inputs, q.scenarios);
+    program.qp.repeats = whole.dual.length > 0 && take_matrices(whole.dual, q);
+    report = solve_riccati_qp(whole, program.qp, limits, program.solution);
   }
   s.unsolved = report.status != QpStatus::solved;
   if (report.status == QpStatus::broken || report.status == QpStatus::infeasible) return false;
@@ -83,7 +85,7 @@ bool solve_whole(Sqp& s, const PartPath& path, const QpLimits& limits) {
 /// Gains around the solution; the next plan's active set begins with the inputs that it holds.
 void take_gains(Sqp& s) {
   PathPlan& p = s.plan;
-  const double* curvature = p.cones.count > 0 ? s.part.interior.cone_curvature : nullptr;
+  const double* curvature = p.cones.count > 0 ? s.part.whole.interior.cone_curvature : nullptr;
   take_gains(p, s.part.plain.solution.x, s.part.plain.solution.u, curvature);
   for (std::size_t at = 0; at < std::size_t{p.horizon} * p.nu; ++at) s.part.set.held[at] = p.factor.held[at];
 }
@@ -128,7 +130,11 @@ void lay_out_programs(Arena& arena, const tiller_config_t& config, const StepSet
     s.osqp = lay_out_osqp(arena, shape);
   } else {
     const LqKernel& kernel = select_lq(table, large.states, large.inputs, large.scenarios);
-    s.part.interior = lay_out_interior_point(arena, large, kernel, part_cones(p, {}, s.bounds.of_rates));
+    const QpCones cones = part_cones(p, {}, s.bounds.of_rates);
+    if (s.bounds.of_rates || s.bounds.of_states)
+      s.part.whole = lay_out_riccati_qp(arena, large, kernel, cones);
+    else
+      s.part.whole.interior = lay_out_interior_point(arena, large, kernel, cones);
   }
 }
 
@@ -161,7 +167,10 @@ bool solve_program(Sqp& s, const Deadline& deadline) {
     const bool changes = !s.bounds.of_rates || changes_within(p, path, s.part);
     const bool within = changes && states_within(s.part.plain.qp, s.part.plain.solution) &&
                         cones_within(s.part.plain.qp.cones, s.part.plain.qp.lq, s.part.plain.solution.u);
-    if (report.status == QpStatus::solved && within) return true;
+    if (report.status == QpStatus::solved && within) {
+      if (s.part.whole.dual.length > 0) forget_active_set(s.part.whole.dual);
+      return true;
+    }
   }
   if (!solve_whole(s, path, limits)) {
     s.unsolved = true;

@@ -155,7 +155,7 @@ bool solve_whole(SqpTree& s, const QpLimits& limits) {
   InteriorPoint* work[1 + TILLER_MAX_SCENARIOS] = {};
   for (std::uint32_t i = 0; i <= t.count; ++i) {
     const LqProblem& q = tree.part[i]->lq;
-    work[i] = &s.part[i].interior;
+    work[i] = &s.part[i].whole.interior;
     work[i]->kernel = &select_lq(*first.table, q.states, q.inputs, q.scenarios);
   }
   const QpReport report = solve_interior_point(work, tree, limits);
@@ -179,7 +179,7 @@ LqProblem with_cones(SqpTree& s, std::uint32_t i) {
   PathPlan& p = t.branch[i > 0 ? i - 1 : 0];
   if (p.cones.count == 0) return q;
   const std::size_t block = std::size_t{p.nu} * p.nu;
-  const double* curvature = s.part[i].interior.cone_curvature;
+  const double* curvature = s.part[i].whole.interior.cone_curvature;
   double* quu = p.cone_quu + (i > 0 ? t.shared * block : 0);
   for (std::size_t at = 0; at < q.horizon * block; ++at) quu[at] = q.quu[at] + curvature[at];
   if (i > 0) p.cone_curvature = curvature;
@@ -285,7 +285,7 @@ void lay_out_parts(Arena& arena, const tiller_config_t& config, const RolloutTab
     lay_out_part(arena, sizes, s.bounds, plain, part);
     const LqProblem large = s.bounds.of_rates ? lifted_sizes(sizes, plain) : plain;
     const LqKernel& kernel = select_lq(table, large.states, large.inputs, large.scenarios);
-    part.interior = lay_out_interior_point(arena, large, kernel, part_cones(sizes, {}, s.bounds.of_rates));
+    part.whole.interior = lay_out_interior_point(arena, large, kernel, part_cones(sizes, {}, s.bounds.of_rates));
   }
 }
 

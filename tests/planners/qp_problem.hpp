@@ -110,16 +110,35 @@ struct Solver {
   tiller::QpLimits limits;
 };
 
+inline tiller::ActiveSetQp lay_out_active_set(tiller::Arena& arena, const tiller::LqProblem& sizes,
+                                              const tiller::LqKernel& kernel) {
+  tiller::ActiveSetQp set;
+  set.kernel = &kernel;
+  set.factor = lay_out_lq_factor(arena, sizes, true);
+  set.held = arena.take<std::int8_t>(std::size_t{sizes.horizon} * sizes.inputs);
+  set.wish = arena.take<std::int8_t>(std::size_t{sizes.horizon} * sizes.inputs);
+  return set;
+}
+
 struct RiccatiSolver : Solver {
   tiller::RiccatiQp work;
+  tiller::ActiveSetQp set;
+  Block set_block;
   explicit RiccatiSolver(const OwnedQp& p) {
     const auto& kernel = p.qp.lq.scenarios == 1 ? tiller::select_lq(tiller::best_isa(), p.qp.lq.states, p.qp.lq.inputs)
                                                 : tiller::select_lq(tiller::best_isa(), 0, 0);
     solution = solution_block.make([&](tiller::Arena& arena) { return lay_out_qp_solution(arena, p.qp.lq); });
     work = work_block.make([&](tiller::Arena& arena) { return lay_out_riccati_qp(arena, p.qp.lq, kernel); });
+    set = set_block.make([&](tiller::Arena& arena) { return lay_out_active_set(arena, p.qp.lq, kernel); });
     limits.iterations = 100;
   }
-  tiller::QpReport solve(const OwnedQp& p) { return solve_riccati_qp(work, p.qp, limits, solution); }
+  tiller::QpReport sweeps(const OwnedQp& p) { return solve_active_set(set, p.qp, limits, solution); }
+  tiller::QpReport solve(const OwnedQp& p) { return complete(p, solve_riccati_qp(work, p.qp, limits, solution)); }
+  tiller::QpReport dual(const OwnedQp& p) { return complete(p, solve_dual_set(work.dual, p.qp, limits, solution)); }
+  tiller::QpReport complete(const OwnedQp& p, const tiller::QpReport& report) {
+    if (report.status == tiller::QpStatus::solved) complete_multipliers(p.qp, solution);
+    return report;
+  }
   tiller::QpReport interior(const OwnedQp& p) { return solve_interior_point(work.interior, p.qp, limits, solution); }
 };
 

@@ -42,9 +42,9 @@ struct OwnedTree {
       blocks.emplace_back();
       solution[i] = blocks.back().make([&](tiller::Arena& arena) { return lay_out_qp_solution(arena, q); });
       blocks.emplace_back();
-      const auto both = blocks.back().make([&](tiller::Arena& arena) { return lay_out_riccati_qp(arena, q, kernel); });
-      interior[i] = both.interior;
-      set[i] = both.set;
+      interior[i] = blocks.back().make([&](tiller::Arena& arena) { return lay_out_interior_point(arena, q, kernel); });
+      blocks.emplace_back();
+      set[i] = blocks.back().make([&](tiller::Arena& arena) { return lay_out_active_set(arena, q, kernel); });
       if (i > 0) part[i].qp.start = solution[0].x + (std::size_t{shared()} * masses() + i - 1) * n();
       tree.part[i] = &part[i].qp;
       tree.solution[i] = &solution[i];

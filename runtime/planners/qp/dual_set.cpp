@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <initializer_list>
 
 #include "scalar/isa_copies.hpp"
 
@@ -18,10 +17,9 @@ const DualRows& select_dual_rows() {
 
 namespace {
 
-constexpr std::size_t kLongest = 10000;    // numbers of a column, of which 65 at least are kept: 5 MB,
-                                           // and one for each state of the start beside them
-constexpr std::size_t kKept = 400000;      // numbers of all columns that are kept, where they are shorter: 3 MB
-constexpr std::size_t kStartColumns = 48;  // that are added up in one pass
+constexpr std::size_t kLongest = 5000;     // numbers of a column, of which 65 at least are kept: 2.6 MB
+constexpr std::size_t kKept = 200000;      // numbers of all columns that are kept, where they are shorter: 1.6 MB
+constexpr std::size_t kPiece = 50000;      // products between two looks at the clock: some microseconds
 constexpr std::uint32_t kAtOnce = 4;       // rounds in which all that is exceeded comes in and all that pulls goes
 constexpr std::uint32_t kMostSteps = 400;  // single steps; a set of 64 settles in far fewer
 constexpr double kDependent = 1e-11;       // share of a bound's own curvature that the set leaves of it
@@ -32,8 +30,8 @@ constexpr double kShareOfTolerance = 0.1;  // what a bound may be exceeded by
 
 class DualSolve {
  public:
-  DualSolve(DualQp& work, const Qp& program, const QpLimits& given, std::int8_t* inputs, QpSolution& solution)
-      : w(work), qp(program), q(program.lq), limits(given), at(solution), held(inputs), rows(select_dual_rows()) {
+  DualSolve(DualQp& work, const Qp& program, const QpLimits& given, QpSolution& solution)
+      : w(work), qp(program), q(program.lq), limits(given), at(solution), rows(select_dual_rows()) {
     m = q.inputs, s = program.stacked(), N = q.horizon;
     nx = (N + 1) * s, nu = N * m;
     tolerance = kShareOfTolerance * limits.tolerance;
@@ -46,33 +44,29 @@ class DualSolve {
       report.status = QpStatus::capped;
       return report;
     }
-    if (!take_base()) return report;
+    report.status = QpStatus::capped;
+    if (late()) return report;
+    if (!take_base()) return QpReport{};
     warm_start();
-    for (report.status = QpStatus::capped; report.iterations < most; ++report.iterations) {
-      if (report.iterations > 0 && limits.deadline.passed()) break;
+    for (; report.iterations < most && !late(); ++report.iterations) {
       solve_multipliers();
       if (drop_wrong()) continue;
-      combine();
+      if (beyond_penalty() || !combine()) break;
       std::uint32_t row = 0;
       const double excess = worst(&row);
-      if (!(excess <= tolerance)) {
-        if (std::isnan(excess) || soft(row)) break;
-        if (report.iterations >= kPatience && impossible()) {
-          report.status = QpStatus::infeasible;
-          break;
-        }
-        if (report.iterations < kAtOnce && take_all()) continue;
-        const Step step = bring_in(row);
-        if (step == Step::taken) continue;
-        if (step == Step::none) report.status = QpStatus::infeasible;
-        break;
+      if (excess <= tolerance) {
+        report.status = QpStatus::solved;
+        ++report.iterations;
+        finish();
+        return report;
       }
-      report.status = QpStatus::solved;
-      ++report.iterations;
-      finish();
-      break;
+      if (std::isnan(excess)) break;
+      if (report.iterations >= kPatience && impossible()) return leave_within(report);
+      if (report.iterations < kAtOnce && take_all()) continue;
+      const Step step = bring_in(row);
+      if (step == Step::none) return leave_within(report);
+      if (step == Step::full) break;
     }
-    if (report.status == QpStatus::infeasible) leave_within();
     return report;
   }
 
@@ -81,33 +75,24 @@ class DualSolve {
 
   // ---- columns ------------------------------------------------------------------------------------
 
-  void store(const double* x, const double* u, double* out) {
-    std::memcpy(out, x, nx * sizeof(double));
-    std::memcpy(out + nx, u, nu * sizeof(double));
-    w.kernel->multipliers(q, w.response, x, out + nx + nu);
-  }
-  /// The program without its vectors: what is asked for is all that moves it.
-  LqProblem still() const {
+  bool late() { return late_ = late_ || limits.deadline.passed(); }
+  const double* column(std::uint32_t slot) const { return w.column + slot * w.length; }
+  /// The program without its vectors: a unit of the bound's multiplier is all that moves it. Backward, nothing moves
+  /// behind the bound's own stage. kNone: the time is up.
+  std::uint16_t column_of(std::uint32_t row) {
+    if (w.column_of[row] != DualQp::kNone || late()) return w.column_of[row];
+    const std::uint32_t slot = free_slot();
+    double *x = w.column + slot * w.length, &unit = row < nx ? w.unit_x[row] : w.unit_u[row - nx];
     LqProblem p = q;
     p.c = nullptr, p.qx = w.unit_x, p.qu = w.unit_u, p.low = p.high = w.unit_u;
-    return p;
-  }
-  /// The solution's arrays serve as scratch.
-  void respond(double* out) {
-    const LqProblem p = still();
-    w.kernel->resolve(p, w.response);
-    w.kernel->roll(p, w.response, at.x, at.u);
-    store(at.x, at.u, out);
-  }
-  const double* column(std::uint32_t slot) const { return w.column + slot * w.length; }
-  std::uint16_t column_of(std::uint32_t row) {
-    if (w.column_of[row] != DualQp::kNone) return w.column_of[row];
-    const std::uint32_t slot = free_slot();
-    double& unit = row < nx ? w.unit_x[row] : w.unit_u[row - nx];
+    p.horizon = static_cast<std::uint32_t>(row < nx ? row / s : (row - nx) / m + 1);
     unit = 1.0;
-    std::memset(at.x, 0, s * sizeof(double));
-    respond(w.column + slot * w.length);
+    w.kernel->resolve(p, w.response);
     unit = 0.0;
+    std::memset(w.response.step + p.horizon * m, 0, (N - p.horizon) * m * sizeof(double));
+    p.horizon = q.horizon;
+    std::memset(x, 0, s * sizeof(double));
+    w.kernel->roll(p, w.response, x, x + nx);
     w.owner[slot] = row;
     return w.column_of[row] = static_cast<std::uint16_t>(slot);
   }
@@ -129,45 +114,25 @@ class DualSolve {
 
   /// False for what has no solution.
   bool take_base() {
-    if (!(qp.repeats && w.sound)) {
-      w.sound = w.has_start = false;
+    bool stands = qp.repeats && w.sound;
+    for (std::size_t i = 0; i < nu; ++i) {
+      const std::int8_t fixed = q.low && q.high && q.low[i] == q.high[i] ? 1 : 0;
+      stands = stands && w.factor.held[i] == fixed;
+      w.factor.held[i] = fixed;
+    }
+    if (stands) {
+      w.kernel->resolve(q, w.factor);
+    } else {
       for (std::uint32_t slot = 0; slot < w.columns; ++slot) w.column_of[w.owner[slot]] = DualQp::kNone;
       w.columns = w.next = 0;
-      for (std::size_t i = 0; i < nu; ++i) w.factor.held[i] = q.low && q.high && q.low[i] == q.high[i] ? 1 : 0;
       LqProblem all = q;
       all.stands_from = 0;
-      if (!w.kernel->factorise(all, w.factor)) return false;
-      w.sound = true;
-      roll(qp.start, w.base);
-      return true;
+      w.sound = w.kernel->factorise(all, w.factor);
+      if (!w.sound) return false;
     }
-    if (!w.has_start) take_start();
-    const double *columns[kStartColumns], *from = w.offset;
-    for (std::size_t first = 0; first < s; first += kStartColumns, from = w.base) {
-      const std::size_t count = std::min(kStartColumns, s - first);
-      for (std::size_t i = 0; i < count; ++i) columns[i] = w.start + (first + i) * w.length;
-      rows.combine(from, columns, qp.start + first, count, w.length, w.base);
-    }
+    std::memcpy(w.base, qp.start, s * sizeof(double));
+    w.kernel->roll(q, w.factor, w.base, w.base + nx);
     return true;
-  }
-  void roll(const double* start, double* out) {
-    if (start)
-      std::memcpy(at.x, start, s * sizeof(double));
-    else
-      std::memset(at.x, 0, s * sizeof(double));
-    w.kernel->roll(q, w.factor, at.x, at.u);
-    std::memcpy(out, at.x, nx * sizeof(double));
-    std::memcpy(out + nx, at.u, nu * sizeof(double));
-    w.kernel->multipliers(q, w.factor, at.x, out + nx + nu);
-  }
-  void take_start() {
-    roll(nullptr, w.offset);
-    for (std::size_t i = 0; i < s; ++i) {
-      std::memset(at.x, 0, s * sizeof(double));
-      at.x[i] = 1.0;
-      respond(w.start + i * w.length);
-    }
-    w.has_start = true;
   }
 
   // ---- the set ----------------------------------------------------------------------------------------
@@ -178,27 +143,32 @@ class DualSolve {
   }
   bool soft(std::uint32_t row) const { return row < nx && qp.soft(static_cast<std::uint32_t>(row % s)); }
   bool bounded(std::uint32_t row, std::int8_t side) const {
-    if (row < nx ? !qp.state_low || soft(row) : !q.low || w.factor.held[row - nx] != 0) return false;
+    if (row < nx ? !qp.state_low : !q.low || w.factor.held[row - nx] != 0) return false;
     return std::isfinite(bound(row, side));
+  }
+  /// A soft bound is held like a hard one while that asks for no more than its penalty's weight.
+  bool beyond_penalty() const {
+    for (std::uint32_t i = 0; i < w.count; ++i) {
+      const DualQp::Active& a = w.active[i];
+      if (soft(a.row) && !(std::fabs(a.y) <= qp.slack_linear[a.row % s])) return true;
+    }
+    return false;
   }
   void warm_start() {
     w.count = 0;
-    const auto take = [&](const std::int8_t* set, std::size_t count, std::size_t first) {
+    const std::size_t count = nx + nu;
+    for (std::size_t row = s; row < count; ++row) {
       std::uint64_t eight;
-      for (std::size_t i = 0; i < count; ++i) {
-        if (i + 8 <= count) {
-          std::memcpy(&eight, set + i, 8);
-          if (eight == 0) {
-            i += 7;
-            continue;
-          }
+      if (row + 8 <= count) {
+        std::memcpy(&eight, w.held + row, 8);
+        if (eight == 0) {
+          row += 7;
+          continue;
         }
-        const std::uint32_t row = static_cast<std::uint32_t>(first + i);
-        if (set[i] != 0 && bounded(row, set[i])) append(row, set[i]);
       }
-    };
-    take(held, nu, nx);
-    if (qp.state_low) take(w.held + s, nx - s, s);
+      const std::int8_t side = w.held[row];
+      if (side != 0 && bounded(static_cast<std::uint32_t>(row), side)) append(static_cast<std::uint32_t>(row), side);
+    }
   }
   /// w.gap := L^-1 S of the set and the row; the curvature that is left of the row.
   double reduce(std::uint32_t row, const double* response) {
@@ -215,10 +185,11 @@ class DualSolve {
   bool independent(double left, std::uint32_t row, const double* response) const {
     return left > kDependent * -response[row] && left > 1e-300;
   }
-  /// False where it is full, or the set has the row already (as a combination).
+  /// False where it is full, the set has the row already (as a combination), or the time is up.
   bool append(std::uint32_t row, std::int8_t side) {
     if (w.count == DualQp::kMost) return false;
     const std::uint16_t slot = column_of(row);
+    if (slot == DualQp::kNone) return false;
     const double left = reduce(row, column(slot));
     if (!independent(left, row, column(slot))) return false;
     place(row, side, slot, left);
@@ -231,14 +202,15 @@ class DualSolve {
     DualQp::Active& a = w.active[w.count++];
     a.row = row, a.side = side, a.column = slot, a.y = 0.0;
   }
-  /// Keeps those that `keep` says; factors anew from the first that goes.
+  /// Keeps those that `keep` says; factors anew from the first that goes. What is left of a set is none where the time
+  /// is up on the way.
   template <class Keep>
   bool filter(Keep keep) {
     std::uint32_t first = 0, end = w.count;
     while (first < end && keep(w.active[first])) ++first;
     if (first == end) return false;
     w.count = first;
-    for (std::uint32_t i = first + 1; i < end; ++i) {
+    for (std::uint32_t i = first + 1; i < end && (i % 4 != 0 || !late()); ++i) {
       const DualQp::Active a = w.active[i];
       if (!keep(a)) continue;
       const double left = reduce(a.row, column(a.column));
@@ -272,28 +244,31 @@ class DualSolve {
 
   // ---- the iterate ------------------------------------------------------------------------------------
 
-  void add_up(std::size_t from, std::size_t length, double* out) {
+  /// False: the time is up.
+  bool combine() {
+    iterate = w.base;
+    if (w.count == 0) return true;
+    iterate = w.iterate;
     const double* columns[DualQp::kMost];
     double share[DualQp::kMost];
-    for (std::uint32_t i = 0; i < w.count; ++i) {
-      columns[i] = column(w.active[i].column) + from;
-      share[i] = w.active[i].y;
+    for (std::uint32_t i = 0; i < w.count; ++i) share[i] = w.active[i].y;
+    const std::size_t piece = kPiece / w.count;
+    for (std::size_t from = 0; from < nx + nu; from += piece) {
+      if (from > 0 && late()) return false;
+      for (std::uint32_t i = 0; i < w.count; ++i) columns[i] = column(w.active[i].column) + from;
+      rows.combine(w.base + from, columns, share, w.count, std::min(piece, nx + nu - from), w.iterate + from);
     }
-    rows.combine(w.base + from, columns, share, w.count, length, out);
-  }
-  void combine() {
-    add_up(0, nx, at.x);
-    add_up(nx, nu, at.u);
+    return true;
   }
   double worst(std::uint32_t* row) const {
     double most_of_all = 0.0;
     std::size_t where = 0;
     if (q.low) {
-      most_of_all = rows.worst(at.u, q.low, q.high, nu, &where);
+      most_of_all = rows.worst(iterate + nx, q.low, q.high, nu, &where);
       *row = static_cast<std::uint32_t>(nx + where);
     }
     if (!qp.state_low || std::isnan(most_of_all)) return most_of_all;
-    const double of_states = rows.worst(at.x + s, qp.state_low + s, qp.state_high + s, nx - s, &where);
+    const double of_states = rows.worst(iterate + s, qp.state_low + s, qp.state_high + s, nx - s, &where);
     if (of_states <= most_of_all) return most_of_all;
     *row = static_cast<std::uint32_t>(s + where);
     return of_states;
@@ -307,10 +282,10 @@ class DualSolve {
   bool take_all() {
     std::uint32_t wanted[DualQp::kMost], count = 0;
     for (std::size_t i = 0; q.low && i < nu && count < DualQp::kMost - w.count; ++i)
-      if (at.u[i] > q.high[i] + tolerance || at.u[i] < q.low[i] - tolerance)
-        wanted[count++] = static_cast<std::uint32_t>(nx + i) * 2 + (at.u[i] > q.high[i]);
+      if (iterate[nx + i] > q.high[i] + tolerance || iterate[nx + i] < q.low[i] - tolerance)
+        wanted[count++] = static_cast<std::uint32_t>(nx + i) * 2 + (iterate[nx + i] > q.high[i]);
     bool taken = false;
-    for (std::uint32_t i = 0; i < count; ++i) {  // making columns overwrites the iterate
+    for (std::uint32_t i = 0; i < count; ++i) {
       const std::uint32_t row = wanted[i] / 2;
       const std::int8_t side = wanted[i] % 2 ? 1 : -1;
       if (bounded(row, side) && !has(row)) taken = append(row, side) || taken;
@@ -320,15 +295,15 @@ class DualSolve {
   /// The steps of the dual method for one bound: its multiplier grows until it holds, and those that would change their
   /// signs on the way go.
   Step bring_in(std::uint32_t row) {
-    const double v = row < nx ? at.x[row] : at.u[row - nx];
     if (has(row)) return Step::full;  // rounding has the last word
-    const std::int8_t side = v > bound(row, 1) ? 1 : -1;
+    const std::int8_t side = iterate[row] > bound(row, 1) ? 1 : -1;
     if (!bounded(row, side)) return Step::full;
     if (w.count == DualQp::kMost) return Step::full;
     const std::uint16_t slot = column_of(row);
+    if (slot == DualQp::kNone) return Step::full;
     const double* response = column(slot);
     double y = 0.0;
-    for (;;) {
+    while (!late()) {
       const double left = reduce(row, response);
       const bool free = independent(left, row, response);
       double direction[DualQp::kMost];
@@ -357,6 +332,7 @@ class DualSolve {
       const std::uint32_t gone = w.active[first].row;
       filter([gone](const DualQp::Active& a) { return a.row != gone; });
     }
+    return Step::full;
   }
 
   /// Whether the multipliers of the states prove that there is no solution (Farkas): the sum of the bounds that they
@@ -399,32 +375,33 @@ class DualSolve {
   }
 
   void finish() {
-    add_up(nx + nu, nx, at.multiplier);
+    std::memcpy(at.x, iterate, nx * sizeof(double));
+    std::memcpy(at.u, iterate + nx, nu * sizeof(double));
     std::memset(at.input_multiplier, 0, nu * sizeof(double));
     std::memset(at.state_multiplier, 0, nx * sizeof(double));
-    std::memset(held, 0, nu);
-    std::memset(w.held, 0, nx);
+    std::memset(w.held, 0, nx + nu);
     for (std::uint32_t i = 0; i < w.count; ++i) {
       const DualQp::Active& a = w.active[i];
+      w.held[a.row] = a.side;
       if (a.row < nx) {
         at.state_multiplier[a.row] = a.y;
-        w.held[a.row] = a.side;
       } else {
         at.input_multiplier[a.row - nx] = a.y;
-        held[a.row - nx] = a.side;
         at.u[a.row - nx] = bound(a.row, a.side);
       }
     }
     clip_inputs();
-    for (std::size_t i = 0; i < nu; ++i)
-      if (w.factor.held[i]) take_fixed(i);
   }
   void clip_inputs() {
     for (std::size_t i = 0; q.low && i < nu; ++i) at.u[i] = std::min(std::max(at.u[i], q.low[i]), q.high[i]);
   }
-  /// Where there is no solution: inputs within their bounds, the states that follow, no multipliers.
-  void leave_within() {
-    combine();
+  /// Where there is no solution: inputs within their bounds, the states that follow, no multipliers. Soft bounds, which
+  /// are held like hard ones here, have one elsewhere.
+  QpReport leave_within(QpReport report) {
+    for (std::uint32_t i = 0; qp.state_low && i < s; ++i)
+      if (qp.soft(i)) return report;
+    report.status = QpStatus::infeasible;
+    std::memcpy(at.u, iterate + nx, nu * sizeof(double));
     clip_inputs();
     std::memcpy(at.x, qp.start, s * sizeof(double));
     for (std::size_t row = s; row < nx; ++row) {
@@ -436,18 +413,9 @@ class DualSolve {
       for (std::size_t i = 0; i < m; ++i) sum += b[i] * at.u[k * m + i];
       at.x[row] = sum;
     }
-    for (double* none : {at.multiplier, at.state_multiplier}) std::memset(none, 0, nx * sizeof(double));
+    std::memset(at.state_multiplier, 0, nx * sizeof(double));
     std::memset(at.input_multiplier, 0, nu * sizeof(double));
-  }
-  /// An input without room: its multiplier is what pulls at it.
-  void take_fixed(std::size_t i) {
-    const std::size_t k = i / m;
-    double g = q.qu[i] + q.regularisation * at.u[i] + (q.input_diagonal ? q.input_diagonal[i] * at.u[i] : 0.0);
-    for (std::size_t j = 0; j < m; ++j) g += q.quu[i * m + j] * at.u[k * m + j];
-    for (std::size_t j = 0; q.qux && j < s; ++j) g += q.qux[i * s + j] * at.x[k * s + j];
-    for (std::size_t j = 0; j < s; ++j) g += q.b[(k * s + j) * m + i % m] * at.multiplier[(k + 1) * s + j];
-    at.input_multiplier[i] = -g;
-    held[i] = 1;
+    return report;
   }
 
   DualQp& w;
@@ -455,17 +423,23 @@ class DualSolve {
   const LqProblem& q;
   const QpLimits& limits;
   QpSolution& at;
-  std::int8_t* held;
   const DualRows& rows;
+  const double* iterate = nullptr;
   std::size_t m = 0, s = 0, N = 0, nx = 0, nu = 0;
   double tolerance = 0.0;
   double asked_ = 0.0;  // size of the multipliers that were asked last
   std::uint32_t most = 0;
+  bool late_ = false;
 };
 
 std::size_t column_length(const LqProblem& sizes) {
   const std::size_t s = std::size_t{sizes.states} * sizes.scenarios, N = sizes.horizon;
-  return 2 * (N + 1) * s + N * sizes.inputs;
+  return (N + 1) * s + N * sizes.inputs;
+}
+
+std::size_t matrix_numbers(const LqProblem& sizes) {
+  const std::size_t n = sizes.states, m = sizes.inputs, s = n * sizes.scenarios, N = sizes.horizon;
+  return (2 * N + 1) * s * n + N * (2 * s * m + m * m);
 }
 
 /// All rows' where they fit; at least those of a set and the one that comes in.
@@ -488,9 +462,8 @@ DualQp lay_out_dual_set(Arena& arena, const LqProblem& sizes, const LqKernel& ke
   w.response.slope = arena.take<double>(nx);
   w.response.force = arena.take<double>(nu);
   w.response.step = arena.take<double>(nu);
-  w.start = arena.take<double>(s * w.length);
-  w.offset = arena.take<double>(w.length);
   w.base = arena.take<double>(w.length);
+  w.iterate = arena.take<double>(w.length);
   w.kept = columns_kept(nx - s + nu, w.length);
   w.column = arena.take<double>(w.kept * w.length);
   w.owner = arena.take<std::uint32_t>(w.kept);
@@ -499,13 +472,45 @@ DualQp lay_out_dual_set(Arena& arena, const LqProblem& sizes, const LqKernel& ke
   w.unit_u = arena.take<double>(nu);
   w.cholesky = arena.take<double>(DualQp::kMost * DualQp::kMost);
   w.gap = arena.take<double>(DualQp::kMost);
-  w.held = arena.take<std::int8_t>(nx);
+  w.matrices = arena.take<double>(matrix_numbers(sizes));
+  w.held = arena.take<std::int8_t>(nx + nu);
   for (std::size_t i = 0; w.column_of && i < nx + nu; ++i) w.column_of[i] = DualQp::kNone;
   return w;
 }
 
-QpReport solve_dual_set(DualQp& work, const Qp& qp, const QpLimits& limits, std::int8_t* held, QpSolution& solution) {
-  return DualSolve(work, qp, limits, held, solution).solve();
+void forget_active_set(DualQp& w) { std::memset(w.held, 0, w.length); }
+
+void shift_active_set(DualQp& w, const LqProblem& sizes, std::uint32_t steps) {
+  const std::size_t s = std::size_t{sizes.states} * sizes.scenarios, m = sizes.inputs, N = sizes.horizon;
+  std::int8_t* const inputs = w.held + (N + 1) * s;
+  for (std::size_t k = 0; k <= N; ++k) {
+    std::memmove(w.held + k * s, w.held + std::min(k + steps, N) * s, s);
+    if (k < N) std::memmove(inputs + k * m, inputs + std::min(k + steps, N - 1) * m, m);
+  }
+}
+
+bool take_matrices(DualQp& w, const LqProblem& q) {
+  const std::size_t n = q.states, m = q.inputs, N = q.horizon, s = n * q.scenarios;
+  const struct {
+    const double* from;
+    std::size_t count;
+  } arrays[] = {
+      {q.a, N * s * n}, {q.b, N * s * m}, {q.qxx, (N + 1) * s * n}, {q.quu, N * m * m}, {q.qux, q.qux ? N * m * s : 0}};
+  bool same = w.taken.scenarios == q.scenarios && w.taken.horizon == N && !w.taken.qux == !q.qux &&
+              w.taken.regularisation == q.regularisation;
+  double* to = w.matrices;
+  for (const auto& array : arrays) {
+    const std::size_t size = array.count * sizeof(double);
+    same = same && (size == 0 || std::memcmp(to, array.from, size) == 0);
+    if (!same && size > 0) std::memcpy(to, array.from, size);
+    to += array.count;
+  }
+  w.taken = q;
+  return same;
+}
+
+QpReport solve_dual_set(DualQp& work, const Qp& qp, const QpLimits& limits, QpSolution& solution) {
+  return DualSolve(work, qp, limits, solution).solve();
 }
 
 }  // namespace tiller

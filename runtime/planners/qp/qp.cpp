@@ -140,6 +140,26 @@ KktResidual kkt_residual(const Qp& qp, const QpSolution& at) {
   return r;
 }
 
+void complete_multipliers(const Qp& qp, QpSolution& at) {
+  const LqProblem& q = qp.lq;
+  const Shape z(q);
+  double gradient[TILLER_MAX_INPUTS];
+  for (std::size_t k = z.N + 1; k-- > 0;) {
+    double* pi = at.multiplier + k * z.s;
+    for (std::size_t j = 0; j < z.M; ++j) {
+      stage_state_gradient(q, z, k, j, at, pi + j * z.n);
+      if (k < z.N) add_transposed(q.a + (k * z.M + j) * z.n * z.n, z.n, z.n, pi + z.s + j * z.n, pi + j * z.n);
+    }
+    for (std::size_t i = 0; i < z.s; ++i) pi[i] += at.state_multiplier[k * z.s + i];
+    if (k == z.N) continue;
+    stage_input_gradient(q, z, k, at, gradient);
+    for (std::size_t j = 0; j < z.M; ++j)
+      add_transposed(q.b + (k * z.M + j) * z.n * z.m, z.n, z.m, pi + z.s + j * z.n, gradient);
+    for (std::size_t i = 0, row = k * z.m; q.low && q.high && i < z.m; ++i, ++row)
+      if (q.low[row] == q.high[row]) at.input_multiplier[row] = -gradient[i];
+  }
+}
+
 double worst_violation(const Qp& qp, const QpSolution& at) {
   const Shape z(qp.lq);
   double worst = 0.0;

@@ -39,7 +39,8 @@ struct Qp {
   const double* state_high = nullptr;       // (N+1 x s)
   const double* slack_linear = nullptr;     // (s) l; infinity: a hard bound. Null: all hard
   const double* slack_quadratic = nullptr;  // (s) w
-  /// All but `start` is as in the solve before on the same workspace: an active set's factor is used again.
+  /// The matrices, not the vectors and bounds, are those of the solve before on the same workspace: the dual set's
+  /// factor and columns are used again.
   bool repeats = false;
   QpCones cones;  // the interior point alone knows them; kkt_residual does not count them
   std::uint32_t stacked() const { return lq.states * lq.scenarios; }
@@ -66,6 +67,9 @@ struct KktResidual {
   double worst() const;          // NaN if any is
 };
 KktResidual kkt_residual(const Qp& qp, const QpSolution& solution);
+
+/// Multipliers of the dynamics, and of inputs without room, from a solution with those of the bounds.
+void complete_multipliers(const Qp& qp, QpSolution& solution);
 
 /// Whether the program's inputs u (N x m) with their base are within its cones, to rounding; not for lifted ones.
 bool cones_within(const QpCones& cones, const LqProblem& sizes, const double* u);

@@ -43,16 +43,15 @@ struct ActiveSet {
       if (f.held[i] != w.held[i]) changed = i / m + 1;
       f.held[i] = w.held[i];
     }
-    const bool repeats = qp.repeats && w.sound;
-    const bool stands = (w.stands || repeats || !first) && !end_moved;
+    const bool stands = (w.stands || !first) && !end_moved;
     w.stands = false;
-    if (stands && changed == 0 && (repeats || !first)) return Refactor::none;
+    if (stands && changed == 0 && !first) return Refactor::none;
     LqProblem q = qp.lq;
     if (stands && changed == 0) {
       w.kernel->resolve(q, f);
       return Refactor::resolved;
     }
-    q.stands_from = (first && !repeats) || end_moved || changed == N ? 0 : static_cast<std::uint32_t>(changed);
+    q.stands_from = first || end_moved || changed == N ? 0 : static_cast<std::uint32_t>(changed);
     return w.kernel->factorise(q, f) ? Refactor::done : Refactor::failed;
   }
   /// Forward under the gains. Where `clip`, each input is cut to its bounds before the states go on: later inputs then
@@ -159,9 +158,6 @@ class TreeSet {
     for (std::uint32_t i = 0; i < tree_.parts(); ++i) finite = part(i).roll(clip) && finite;
     return finite;
   }
-  void mark(bool sound) {
-    for (std::uint32_t i = 0; i < tree_.parts(); ++i) work_[i]->sound = sound;
-  }
   bool update() {
     bool changed = false;
     for (std::uint32_t i = 0; i < tree_.parts(); ++i) changed = part(i).update() || changed;
@@ -211,10 +207,8 @@ QpReport solve_active_set(ActiveSetQp* const* work, const QpTree& tree, const Qp
     if (report.iterations > 0 && limits.deadline.passed()) break;
     if (!set.sweep()) {
       report.status = QpStatus::broken;  // not convex, or not finite
-      set.mark(false);
       return report;
     }
-    set.mark(true);
     ++report.iterations;
     if (!set.update()) report.status = QpStatus::solved;
   }
@@ -223,42 +217,19 @@ QpReport solve_active_set(ActiveSetQp* const* work, const QpTree& tree, const Qp
   return report;
 }
 
-RiccatiQp lay_out_riccati_qp(Arena& arena, const LqProblem& sizes, const LqKernel& kernel) {
+RiccatiQp lay_out_riccati_qp(Arena& arena, const LqProblem& sizes, const LqKernel& kernel, const QpCones& cones) {
   RiccatiQp w;
-  if (worth_dual_set(sizes)) w.dual = lay_out_dual_set(arena, sizes, kernel);
-  w.interior = lay_out_interior_point(arena, sizes, kernel);
-  w.set.kernel = &kernel;
-  w.set.factor = w.interior.factor;
-  w.set.held = arena.take<std::int8_t>(std::size_t{sizes.horizon} * sizes.inputs);
-  w.set.wish = arena.take<std::int8_t>(std::size_t{sizes.horizon} * sizes.inputs);
+  if (worth_dual_set(sizes) && cones.count() == 0) w.dual = lay_out_dual_set(arena, sizes, kernel);
+  w.interior = lay_out_interior_point(arena, sizes, kernel, cones);
   return w;
 }
 
-void shift_active_set(RiccatiQp& w, const LqProblem& sizes, std::uint32_t steps) {
-  shift_active_set(w.set, sizes, steps);
-  if (!w.dual.held) return;
-  const std::size_t s = std::size_t{sizes.states} * sizes.scenarios;
-  for (std::size_t k = 1; k <= sizes.horizon; ++k) {
-    const std::size_t from = k + steps <= sizes.horizon ? k + steps : sizes.horizon;
-    for (std::size_t i = 0; i < s; ++i) w.dual.held[k * s + i] = w.dual.held[from * s + i];
-  }
-}
-
 QpReport solve_riccati_qp(RiccatiQp& w, const Qp& qp, const QpLimits& limits, QpSolution& solution) {
-  if (!qp.repeats) w.set.sound = false;
-  if (w.dual.length > 0 && qp.cones.count() == 0) {
-    const QpReport by_dual = solve_dual_set(w.dual, qp, limits, w.set.held, solution);
-    if (by_dual.status != QpStatus::capped) return by_dual;
+  if (w.dual.length > 0) {
+    const QpReport report = solve_dual_set(w.dual, qp, limits, solution);
+    if (report.status != QpStatus::capped) return report;
   }
-  const QpReport by_set = solve_active_set(w.set, qp, limits, solution);
-  if (by_set.status == QpStatus::broken || (by_set.status == QpStatus::solved && states_within(qp, solution)))
-    return by_set;
-  w.set.sound = false;  // the interior point takes its factor
-  QpLimits rest = limits;
-  rest.iterations -= by_set.iterations;
-  QpReport report = solve_interior_point(w.interior, qp, rest, solution);
-  report.iterations += by_set.iterations;
-  return report;
+  return solve_interior_point(w.interior, qp, limits, solution);
 }
 
 }  // namespace tiller

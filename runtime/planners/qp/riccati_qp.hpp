@@ -14,7 +14,6 @@ struct ActiveSetQp {
   std::int8_t* held = nullptr;  // (N x m) the set to start from: -1 low, 1 high
   std::int8_t* wish = nullptr;  // (N x m) bounds that the last sweep ran into
   bool stands = false;          // the factor is that of these matrices and this set: the first sweep resolves alone
-  bool sound = false;           // the factor is that of the last solve: a program that repeats needs no other
 };
 
 /// Sweeps until the set settles (solved; bounds on states are not looked at), the cap or the deadline. Inputs are
@@ -26,16 +25,14 @@ bool states_within(const Qp& qp, const QpSolution& solution);
 /// Drops the sets of the first `steps` stages; the last one's is repeated.
 void shift_active_set(ActiveSetQp& work, const LqProblem& sizes, std::uint32_t steps);
 
-/// The structure-exploiting solver, by size: where columns are short (worth_dual_set), the dual active set; where there
-/// is none, or it gives up (soft bounds that are exceeded, too many bounds), the active set over sweeps; and where that
-/// does not settle or states leave their bounds, the interior point.
+/// Whole programs, bounds on states and all, by size and structure: the dual active set where columns are short
+/// (worth_dual_set) and there are no cones; where there is none, or it gives up (a soft bound exceeded, too many bounds,
+/// the deadline), the interior point.
 struct RiccatiQp {
   DualQp dual;
   InteriorPoint interior;
-  ActiveSetQp set;  // shares the interior's factor
 };
-RiccatiQp lay_out_riccati_qp(Arena& arena, const LqProblem& sizes, const LqKernel& kernel);
-void shift_active_set(RiccatiQp& work, const LqProblem& sizes, std::uint32_t steps);
+RiccatiQp lay_out_riccati_qp(Arena& arena, const LqProblem& sizes, const LqKernel& kernel, const QpCones& cones = {});
 QpReport solve_riccati_qp(RiccatiQp& work, const Qp& qp, const QpLimits& limits, QpSolution& solution);
 
 }  // namespace tiller
