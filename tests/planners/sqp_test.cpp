@@ -4,8 +4,9 @@
 
 #include <algorithm>
 
-#include "planners/qp/osqp_qp.hpp"
+#include "planners/sqp.hpp"
 #include "problem.hpp"
+#include "qp_problem.hpp"
 #include "tiller/config.hpp"
 
 namespace tiller_test {
@@ -121,6 +122,50 @@ TEST(Sqp, one_program_solves_a_linear_problem_with_bounds) {
     EXPECT_LE(largest_change, 0.8 + 1e-5);
     EXPECT_GE(largest_change, 0.8 - 1e-3);
   }
+}
+
+/// A mass on an axis with active bounds on speed and changes: every program is the dual set's, no worse than the interior
+/// point's, and of this model, which is linear, the columns stay from tick to tick.
+TEST(Sqp, whole_programs_are_the_dual_sets) {
+  tiller::Config c = line_sqp();
+  c.model = tiller_find_model("linear_axis");
+  c.planner.qp_tolerance = 1e-9;
+  c.safety.input_low[0] = -3.0;
+  c.safety.input_high[0] = 3.0;
+  c.safety.input_rate_per_s[0] = 40.0;
+  c.cost.hard_bounds = 2u;
+  c.state_low[1] = -0.6;
+  c.state_high[1] = 0.6;
+  Bench bench(c, nullptr, table_of(c));
+  const tiller::Sqp& s = *static_cast<const tiller::Sqp*>(bench.planner());
+  const tiller::SqpProgram& program = s.part.lifted;
+  double x = 1.0, v = 0.0, worst = 0.0;
+  std::uint32_t repeated = 0;
+  for (std::uint32_t tick = 0; tick < 40; ++tick) {
+    bench.set_state({x, v});
+    ASSERT_EQ(bench.plan().status, tiller_status_ok) << tick;
+    ASSERT_GT(s.part.whole.dual.count, 0u) << tick;
+    repeated += program.qp.repeats;
+    tiller::QpSolution ours = program.solution;
+    complete_multipliers(program.qp, ours);
+    worst = std::max(worst, kkt_residual(program.qp, ours).worst());
+    Block interior_block, solution_block;
+    const tiller::LqProblem& q = program.qp.lq;
+    auto theirs = solution_block.make([&](tiller::Arena& arena) { return lay_out_qp_solution(arena, q); });
+    auto interior = interior_block.make([&](tiller::Arena& arena) {
+      return lay_out_interior_point(arena, q, tiller::select_lq(tiller::best_isa(), q.states, q.inputs));
+    });
+    tiller::QpLimits tight;
+    tight.tolerance = 1e-11;
+    ASSERT_EQ(solve_interior_point(interior, program.qp, tight, theirs).status, tiller::QpStatus::solved) << tick;
+    const double cost = qp_cost(program.qp, theirs);
+    EXPECT_NEAR(qp_cost(program.qp, ours), cost, 1e-8 * (1.0 + std::fabs(cost))) << tick;
+    x += c.period_s * v + 0.5 * c.period_s * c.period_s * bench.command[0];
+    v += c.period_s * bench.command[0];
+  }
+  std::printf("40 ticks, %u on kept columns, KKT residual %.1e\n", repeated, worst);
+  EXPECT_LE(worst, 1e-8);
+  EXPECT_GE(repeated, 35u);
 }
 
 TEST(Sqp, says_when_bounds_cannot_be_kept) {
