@@ -165,10 +165,22 @@ struct ScenarioSweep {
         }
     }
   }
-  /// Four sums side by side, which do not wait for each other.
+  /// Four sums side by side, which do not wait for each other; whole registers where only run time knows the length: a
+  /// loop of nine or three turns is guessed wrong at its end.
   static TILLER_INLINE double inner(const double* a, const double* b, int count) {
-    double sum[4] = {};
     int i = 0;
+    if constexpr (kStates == 0) {
+      using Pack = Row<kWidestPiece>;
+      Pack wide = Pack::zero();
+      for (; i + kWidestPiece <= count; i += kWidestPiece) wide.v += Pack::load(a + i).v * Pack::load(b + i).v;
+      double lane[kWidestPiece], rest = 0.0;
+      wide.store(lane);
+      for (; i < count; ++i) rest += a[i] * b[i];
+      for (int half = kWidestPiece / 2; half > 0; half /= 2)
+        for (int j = 0; j < half; ++j) lane[j] += lane[j + half];
+      return lane[0] + rest;
+    }
+    double sum[4] = {};
     for (; i + 4 <= count; i += 4)
       for (int c = 0; c < 4; ++c) sum[c] += a[i + c] * b[i + c];
     for (; i < count; ++i) sum[0] += a[i] * b[i];
