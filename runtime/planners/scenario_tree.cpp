@@ -7,6 +7,7 @@
 #include "planners/belief_weights.hpp"
 #include "planners/flush_to_zero.hpp"
 #include "planners/line_search.hpp"
+#include "planners/qp/qp.hpp"
 #include "rollout/lq_held.hpp"
 
 namespace tiller {
@@ -25,36 +26,11 @@ void each_branch(ScenarioTree& t, F&& f) {
 }  // namespace
 
 LqProblem problem_behind(const ScenarioTree& t, std::uint32_t branch) {
-  const PathPlan& p = t.branch[branch];
-  const std::size_t n = p.n, nu = p.nu, r = t.shared;
-  LqProblem q = p.problem;
-  q.horizon = p.horizon - t.shared;
-  q.a += r * n * n;
-  q.b += r * n * nu;
-  q.qxx += r * n * n;
-  if (q.qux) q.qux += r * nu * n;
-  q.quu += r * nu * nu;
-  q.qx += r * n;
-  q.qu += r * nu;
-  q.low += r * nu;
-  q.high += r * nu;
-  return q;
+  return stages_from(t.branch[branch].problem, t.shared);
 }
 
 LqFactor factor_behind(const ScenarioTree& t, std::uint32_t branch) {
-  const PathPlan& p = t.branch[branch];
-  const std::size_t n = p.n, nu = p.nu, r = t.shared;
-  LqFactor f = p.factor;
-  f.gain += r * nu * n;
-  f.step += r * nu;
-  f.cholesky += r * nu * nu;
-  f.carry += r * nu * n;
-  f.value += r * n * n;
-  f.slope += r * n;
-  f.curvature += r * nu * nu;
-  f.force += r * nu;
-  f.held += r * nu;
-  return f;
+  return stages_from(t.branch[branch].factor, t.branch[branch].problem, t.shared);
 }
 
 void stack_trunk(ScenarioTree& t, const double* weight) {

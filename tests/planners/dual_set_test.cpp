@@ -133,18 +133,19 @@ TEST(DualSet, soft_bounds_hold_while_their_penalty_outweighs_them) {
 struct CountingClock {
   const tiller::DualQp* work = nullptr;
   std::int64_t looks = 0, deadline = 0;
-  std::uint32_t columns_at_deadline = 0;
+  std::uint32_t columns_at_deadline = 0, looks_before_columns = 0;
   static std::int64_t now(void* self) {
     CountingClock& c = *static_cast<CountingClock*>(self);
     if (++c.looks == c.deadline) c.columns_at_deadline = c.work->columns;
+    c.looks_before_columns += c.work->columns == 0;
     return c.looks;
   }
 };
 
 /// Wherever the deadline falls: no column is begun after it, the clock is not looked at again, and the caller's inputs
-/// are as they were. Between two looks there is one column at most.
+/// are as they were. Between two looks there is one column at most, or a part of the factorisation.
 TEST(DualSet, stops_at_its_deadline_before_the_next_column) {
-  OwnedQp p = random_hard_qp(40);
+  OwnedQp p = random_hard_qp(272);
   tiller_hooks_t hooks{};
   hooks.now_ns = &CountingClock::now;
   const auto solve = [&](std::int64_t deadline, CountingClock& clock, RiccatiSolver& s) {
@@ -160,6 +161,7 @@ TEST(DualSet, stops_at_its_deadline_before_the_next_column) {
   ASSERT_EQ(solve(1000000, whole, all).status, QpStatus::solved);
   EXPECT_GT(all.work.dual.columns, 8u) << "not much of a program";
   EXPECT_GT(whole.looks, all.work.dual.columns);
+  EXPECT_GT(whole.looks_before_columns, 4u) << "the factorisation was in one piece";
   for (std::int64_t deadline = 1; deadline <= whole.looks; ++deadline) {
     CountingClock clock;
     RiccatiSolver s(p);
@@ -168,6 +170,9 @@ TEST(DualSet, stops_at_its_deadline_before_the_next_column) {
     EXPECT_EQ(clock.looks, deadline);
     EXPECT_EQ(s.work.dual.columns, clock.columns_at_deadline) << deadline;
     for (std::size_t i = 0; i < p.qu.size(); ++i) ASSERT_EQ(s.solution.u[i], 0.25);
+    ASSERT_EQ(s.solve(p).status, QpStatus::capped);
+    for (std::size_t i = 0; i < p.qu.size(); ++i)
+      ASSERT_EQ(s.solution.u[i], std::min(std::max(0.25, p.low[i]), p.high[i])) << "the caller's, within their bounds";
     s.limits.deadline = {};
     ASSERT_EQ(s.dual(p).status, QpStatus::solved) << "and it works again afterwards";
   }

@@ -19,7 +19,7 @@ namespace {
 
 constexpr std::size_t kLongest = 5000;     // numbers of a column, of which 65 at least are kept: 2.6 MB
 constexpr std::size_t kKept = 200000;      // numbers of all columns that are kept, where they are shorter: 1.6 MB
-constexpr std::size_t kPiece = 50000;      // products between two looks at the clock: some microseconds
+constexpr std::size_t kPiece = 50000;      // products between two looks at the clock: ten microseconds
 constexpr std::uint32_t kAtOnce = 4;       // rounds in which all that is exceeded comes in and all that pulls goes
 constexpr std::uint32_t kMostSteps = 400;  // single steps; a set of 64 settles in far fewer
 constexpr double kDependent = 1e-11;       // share of a bound's own curvature that the set leaves of it
@@ -46,7 +46,7 @@ class DualSolve {
     }
     report.status = QpStatus::capped;
     if (late()) return report;
-    if (!take_base()) return QpReport{};
+    if (!take_base()) return late_ ? report : QpReport{};
     warm_start();
     for (; report.iterations < most && !late(); ++report.iterations) {
       solve_multipliers();
@@ -112,7 +112,19 @@ class DualSolve {
 
   // ---- without bounds -------------------------------------------------------------------------------
 
-  /// False for what has no solution.
+  /// Some stages at a time.
+  bool factorise() {
+    const std::size_t stages = 1 + kPiece / (2 * s * s * (q.states + m));
+    for (std::size_t end = N, first; end > 0; end = first) {
+      if (end < N && late()) return false;
+      first = end > stages ? end - stages : 0;
+      LqProblem part = stages_from(q, first);
+      part.stands_from = static_cast<std::uint32_t>(end < N ? end - first : 0);
+      if (!w.kernel->factorise(part, stages_from(w.factor, q, first))) return false;
+    }
+    return true;
+  }
+  /// False for what has no solution, and where the time is up.
   bool take_base() {
     bool stands = qp.repeats && w.sound;
     for (std::size_t i = 0; i < nu; ++i) {
@@ -125,9 +137,7 @@ class DualSolve {
     } else {
       for (std::uint32_t slot = 0; slot < w.columns; ++slot) w.column_of[w.owner[slot]] = DualQp::kNone;
       w.columns = w.next = 0;
-      LqProblem all = q;
-      all.stands_from = 0;
-      w.sound = w.kernel->factorise(all, w.factor);
+      w.sound = factorise();
       if (!w.sound) return false;
     }
     std::memcpy(w.base, qp.start, s * sizeof(double));
@@ -390,9 +400,6 @@ class DualSolve {
         at.u[a.row - nx] = bound(a.row, a.side);
       }
     }
-    clip_inputs();
-  }
-  void clip_inputs() {
     for (std::size_t i = 0; q.low && i < nu; ++i) at.u[i] = std::min(std::max(at.u[i], q.low[i]), q.high[i]);
   }
   /// Where there is no solution: inputs within their bounds, the states that follow, no multipliers. Soft bounds, which
@@ -402,17 +409,7 @@ class DualSolve {
       if (qp.soft(i)) return report;
     report.status = QpStatus::infeasible;
     std::memcpy(at.u, iterate + nx, nu * sizeof(double));
-    clip_inputs();
-    std::memcpy(at.x, qp.start, s * sizeof(double));
-    for (std::size_t row = s; row < nx; ++row) {
-      const std::size_t k = row / s - 1, j = row % s;
-      const double *a = q.a + (row - s) * q.states, *b = q.b + (row - s) * m;
-      const double* x = at.x + k * s + j / q.states * q.states;
-      double sum = q.c ? q.c[row - s] : 0.0;
-      for (std::size_t i = 0; i < q.states; ++i) sum += a[i] * x[i];
-      for (std::size_t i = 0; i < m; ++i) sum += b[i] * at.u[k * m + i];
-      at.x[row] = sum;
-    }
+    follow_inputs(qp, at);
     std::memset(at.state_multiplier, 0, nx * sizeof(double));
     std::memset(at.input_multiplier, 0, nu * sizeof(double));
     return report;

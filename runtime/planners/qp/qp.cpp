@@ -80,6 +80,29 @@ void stage_input_gradient(const LqProblem& q, const Shape& z, std::size_t k, con
 
 }  // namespace
 
+LqProblem stages_from(const LqProblem& problem, std::size_t k) {
+  LqProblem q = problem;
+  const Shape z(q);
+  q.horizon -= static_cast<std::uint32_t>(k);
+  q.stands_from = 0;
+  const auto move = [k](const double*& rows, std::size_t row) {
+    if (rows) rows += k * row;
+  };
+  move(q.a, z.s * z.n), move(q.b, z.s * z.m), move(q.c, z.s);
+  move(q.qxx, z.s * z.n), move(q.qux, z.m * z.s), move(q.quu, z.m * z.m), move(q.qx, z.s), move(q.qu, z.m);
+  move(q.state_diagonal, z.s), move(q.input_diagonal, z.m), move(q.low, z.m), move(q.high, z.m);
+  return q;
+}
+
+LqFactor stages_from(const LqFactor& factor, const LqProblem& problem, std::size_t k) {
+  LqFactor f = factor;
+  const Shape z(problem);
+  f.gain += k * z.m * z.s, f.carry += k * z.m * z.s, f.cholesky += k * z.m * z.m, f.curvature += k * z.m * z.m;
+  f.step += k * z.m, f.force += k * z.m, f.value += k * z.s * z.s, f.slope += k * z.s;
+  if (f.held) f.held += k * z.m;
+  return f;
+}
+
 bool Qp::soft(std::uint32_t i) const { return slack_linear && std::isfinite(slack_linear[i]); }
 
 QpSolution lay_out_qp_solution(Arena& arena, const LqProblem& sizes) {
@@ -157,6 +180,20 @@ void complete_multipliers(const Qp& qp, QpSolution& at) {
       add_transposed(q.b + (k * z.M + j) * z.n * z.m, z.n, z.m, pi + z.s + j * z.n, gradient);
     for (std::size_t i = 0, row = k * z.m; q.low && q.high && i < z.m; ++i, ++row)
       if (q.low[row] == q.high[row]) at.input_multiplier[row] = -gradient[i];
+  }
+}
+
+void follow_inputs(const Qp& qp, QpSolution& at) {
+  const LqProblem& q = qp.lq;
+  const Shape z(q);
+  for (std::size_t i = 0; q.low && q.high && i < z.N * z.m; ++i)
+    at.u[i] = std::fmin(std::fmax(at.u[i], q.low[i]), q.high[i]);
+  for (std::size_t i = 0; i < z.s; ++i) at.x[i] = qp.start[i];
+  for (std::size_t block = 0; block < z.N * z.M; ++block) {
+    double* next = at.x + z.s + block * z.n;
+    for (std::size_t i = 0; i < z.n; ++i) next[i] = q.c ? q.c[block * z.n + i] : 0.0;
+    add_product(q.a + block * z.n * z.n, z.n, z.n, at.x + block * z.n, next);
+    add_product(q.b + block * z.n * z.m, z.n, z.m, at.u + block / z.M * z.m, next);
   }
 }
 

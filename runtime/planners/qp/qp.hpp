@@ -47,6 +47,10 @@ struct Qp {
   bool soft(std::uint32_t i) const;
 };
 
+/// The problem from stage k on, and its factor.
+LqProblem stages_from(const LqProblem& problem, std::size_t k);
+LqFactor stages_from(const LqFactor& factor, const LqProblem& problem, std::size_t k);
+
 /// Primal and dual solution; arrays are the caller's. A bound's multiplier is positive at the high side, negative at
 /// the low side. Stationarity: d cost / du + b' pi_{k+1} + input_multiplier = 0, likewise for x.
 struct QpSolution {
@@ -70,6 +74,9 @@ KktResidual kkt_residual(const Qp& qp, const QpSolution& solution);
 
 /// Multipliers of the dynamics, and of inputs without room, from a solution with those of the bounds.
 void complete_multipliers(const Qp& qp, QpSolution& solution);
+
+/// Brings the inputs within their bounds, and the states are those that follow.
+void follow_inputs(const Qp& qp, QpSolution& solution);
 
 /// Whether the program's inputs u (N x m) with their base are within its cones, to rounding; not for lifted ones.
 bool cones_within(const QpCones& cones, const LqProblem& sizes, const double* u);

@@ -228,6 +228,10 @@ QpReport solve_riccati_qp(RiccatiQp& w, const Qp& qp, const QpLimits& limits, Qp
   if (w.dual.length > 0) {
     const QpReport report = solve_dual_set(w.dual, qp, limits, solution);
     if (report.status != QpStatus::capped) return report;
+    if (limits.deadline.passed()) {
+      follow_inputs(qp, solution);
+      return report;
+    }
   }
   return solve_interior_point(w.interior, qp, limits, solution);
 }
