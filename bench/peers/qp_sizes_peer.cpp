@@ -33,7 +33,7 @@ using Sparse = Eigen::SparseMatrix<double>;
 using Eigen::Map;
 
 constexpr double kTolerance = 1e-8;
-constexpr double kMostSeconds = 3.0;                     // for a case: beyond, a solver is left out
+constexpr double kMostSeconds = 1.0;                     // for a case: beyond, a solver is left out
 constexpr int kMostDenseCold = 400, kMostQpOases = 400;  // inputs over the horizon: beyond, a solve takes seconds
 
 enum class Outcome { solved, infeasible, failed };

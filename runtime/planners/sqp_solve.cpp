@@ -132,7 +132,7 @@ void lay_out_programs(Arena& arena, const tiller_config_t& config, const StepSet
     const LqKernel& kernel = select_lq(table, large.states, large.inputs, large.scenarios);
     const QpCones cones = part_cones(p, {}, s.bounds.of_rates);
     if (s.bounds.of_rates || s.bounds.of_states)
-      s.part.whole = lay_out_riccati_qp(arena, large, kernel, cones);
+      s.part.whole = lay_out_riccati_qp(arena, large, kernel, cones, true);
     else
       s.part.whole.interior = lay_out_interior_point(arena, large, kernel, cones);
   }

@@ -440,15 +440,15 @@ std::size_t matrix_numbers(const LqProblem& sizes) {
 }
 
 /// All rows' where they fit; at least those of a set and the one that comes in.
-std::uint32_t columns_kept(std::size_t rows, std::size_t length) {
-  return static_cast<std::uint32_t>(std::max(std::min(rows, kKept / length), std::size_t{DualQp::kMost} + 1));
+std::uint32_t columns_kept(std::size_t rows, std::size_t wanted) {
+  return static_cast<std::uint32_t>(std::min(rows, std::max(wanted, std::size_t{DualQp::kMost} + 1)));
 }
 
 }  // namespace
 
 bool worth_dual_set(const LqProblem& sizes) { return column_length(sizes) <= kLongest; }
 
-DualQp lay_out_dual_set(Arena& arena, const LqProblem& sizes, const LqKernel& kernel) {
+DualQp lay_out_dual_set(Arena& arena, const LqProblem& sizes, const LqKernel& kernel, bool few_columns) {
   DualQp w;
   const std::size_t s = std::size_t{sizes.states} * sizes.scenarios, N = sizes.horizon, nx = (N + 1) * s,
                     nu = N * sizes.inputs;
@@ -461,7 +461,7 @@ DualQp lay_out_dual_set(Arena& arena, const LqProblem& sizes, const LqKernel& ke
   w.response.step = arena.take<double>(nu);
   w.base = arena.take<double>(w.length);
   w.iterate = arena.take<double>(w.length);
-  w.kept = columns_kept(nx - s + nu, w.length);
+  w.kept = columns_kept(nx - s + nu, few_columns ? 0 : kKept / w.length);
   w.column = arena.take<double>(w.kept * w.length);
   w.owner = arena.take<std::uint32_t>(w.kept);
   w.column_of = arena.take<std::uint16_t>(nx + nu);

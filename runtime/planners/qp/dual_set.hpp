@@ -23,8 +23,8 @@ struct DualQp {
     double y = 0.0;  // its multiplier, positive at the high side
   };
   const LqKernel* kernel = nullptr;
-  LqFactor factor;    // without bounds, but for inputs without room
-  LqFactor response;  // the same with vectors of its own
+  LqFactor factor;            // without bounds, but for inputs without room
+  LqFactor response;          // the same with vectors of its own
   std::size_t length = 0;     // of a column (x, u)
   double* base = nullptr;     // (length) without bounds
   double* iterate = nullptr;  // (length)
@@ -45,7 +45,8 @@ struct DualQp {
 
 /// Whether a dual set is the first thing to try, by the length of a column.
 bool worth_dual_set(const LqProblem& sizes);
-DualQp lay_out_dual_set(Arena& arena, const LqProblem& sizes, const LqKernel& kernel);
+/// `few_columns`: room for those of one set, where matrices rarely stand from solve to solve.
+DualQp lay_out_dual_set(Arena& arena, const LqProblem& sizes, const LqKernel& kernel, bool few_columns = false);
 
 void forget_active_set(DualQp& work);
 /// Whether the matrices are those of the call before, to the bit: what Qp::repeats says.

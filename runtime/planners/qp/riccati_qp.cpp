@@ -217,9 +217,10 @@ QpReport solve_active_set(ActiveSetQp* const* work, const QpTree& tree, const Qp
   return report;
 }
 
-RiccatiQp lay_out_riccati_qp(Arena& arena, const LqProblem& sizes, const LqKernel& kernel, const QpCones& cones) {
+RiccatiQp lay_out_riccati_qp(Arena& arena, const LqProblem& sizes, const LqKernel& kernel, const QpCones& cones,
+                             bool few_columns) {
   RiccatiQp w;
-  if (worth_dual_set(sizes) && cones.count() == 0) w.dual = lay_out_dual_set(arena, sizes, kernel);
+  if (worth_dual_set(sizes) && cones.count() == 0) w.dual = lay_out_dual_set(arena, sizes, kernel, few_columns);
   w.interior = lay_out_interior_point(arena, sizes, kernel, cones);
   return w;
 }

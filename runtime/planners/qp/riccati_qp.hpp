@@ -32,7 +32,8 @@ struct RiccatiQp {
   DualQp dual;
   InteriorPoint interior;
 };
-RiccatiQp lay_out_riccati_qp(Arena& arena, const LqProblem& sizes, const LqKernel& kernel, const QpCones& cones = {});
+RiccatiQp lay_out_riccati_qp(Arena& arena, const LqProblem& sizes, const LqKernel& kernel, const QpCones& cones = {},
+                             bool few_columns = false);
 QpReport solve_riccati_qp(RiccatiQp& work, const Qp& qp, const QpLimits& limits, QpSolution& solution);
 
 }  // namespace tiller
