@@ -54,8 +54,7 @@ struct SqpPart {
   SqpProgram plain, lifted;
   LiftedArrays lift;
   ActiveSetQp set;  // on the plain program
-  RiccatiQp
-      whole;  // on the lifted program where rates are limited, else on the plain one; in a tree its interior point
+  RiccatiQp whole;  // on the lifted one where rates are limited, else on the plain one; in a tree its interior point
 };
 
 /// Where a part's rows lie on paths.

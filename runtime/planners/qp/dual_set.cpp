@@ -480,9 +480,9 @@ void forget_active_set(DualQp& w) { std::memset(w.held, 0, w.length); }
 void shift_active_set(DualQp& w, const LqProblem& sizes, std::uint32_t steps) {
   const std::size_t s = std::size_t{sizes.states} * sizes.scenarios, m = sizes.inputs, N = sizes.horizon;
   std::int8_t* const inputs = w.held + (N + 1) * s;
-  for (std::size_t k = 0; k <= N; ++k) {
-    std::memmove(w.held + k * s, w.held + std::min(k + steps, N) * s, s);
-    if (k < N) std::memmove(inputs + k * m, inputs + std::min(k + steps, N - 1) * m, m);
+  for (std::size_t k = 0, from = steps; k <= N; ++k, ++from) {
+    std::memmove(w.held + k * s, w.held + std::min(from, N) * s, s);
+    if (k < N) std::memmove(inputs + k * m, inputs + std::min(from, N - 1) * m, m);
   }
 }
 
