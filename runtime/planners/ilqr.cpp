@@ -20,7 +20,7 @@
 #include "planners/escape.hpp"
 #include "planners/flush_to_zero.hpp"
 #include "planners/line_search.hpp"
-#include "planners/scenario_tree.hpp"
+#include "planners/sqp_tree.hpp"
 
 namespace tiller {
 namespace {
@@ -290,7 +290,13 @@ void* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setu
     return plain;
   }
   auto* s = arena.take<Ilqr>(1);
-  ScenarioTree* const tree = lay_out_tree(arena, config, setup, table);
+  ScenarioTree* tree = nullptr;
+  if (config.safety.cone_count > 0) {  // the tree's own solver knows the inputs' limits alone
+    SqpTree* const with_cones = lay_out_sqp_tree(arena, config, setup, table);
+    tree = with_cones ? with_cones->tree : nullptr;
+  } else {
+    tree = lay_out_tree(arena, config, setup, table);
+  }
   if (!s || !tree) return nullptr;
   s->tree = tree;
   return s;

@@ -49,7 +49,7 @@ bool HardBounds::names(std::size_t i) const { return std::isfinite(low[i]) || st
 void place_hard_bounds(const PathPlan& p, HardBounds& bounds) {
   const tiller_cost_config_t& cost = p.frame.cost();
   for (std::uint32_t i = 0; i < p.nx; ++i) {
-    const bool hard = (cost.hard_bounds >> i) & 1u;
+    const bool hard = (bounds.hard >> i) & 1u;
     bounds.low[i] = hard ? element_or(cost.state_low, i, -HUGE_VAL) - p.frame.origin()[i] : -INFINITY;
     bounds.high[i] = hard ? element_or(cost.state_high, i, HUGE_VAL) - p.frame.origin()[i] : INFINITY;
   }
@@ -57,6 +57,7 @@ void place_hard_bounds(const PathPlan& p, HardBounds& bounds) {
 
 void lay_out_hard_bounds(const tiller_config_t& config, const PathPlan& p, HardBounds& bounds) {
   bounds.of_rates = bounds.of_states = false;
+  bounds.hard = planning_kind(config.planner) == tiller_planner_sqp ? config.cost.hard_bounds : 0;
   place_hard_bounds(p, bounds);
   for (std::uint32_t i = 0; i < config.model->input_count; ++i) {
     const double most = config.safety.input_rate_per_s[i] * config.period_s;

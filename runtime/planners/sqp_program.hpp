@@ -9,6 +9,7 @@ namespace tiller {
 struct HardBounds {
   bool of_rates = false;                                             // some input's rate is limited
   bool of_states = false;                                            // hard_bounds names a state with a bound
+  std::uint32_t hard = 0;                                            // hard_bounds; of `sqp` alone
   double low[TILLER_MAX_STATES] = {}, high[TILLER_MAX_STATES] = {};  // in the frame of the path
   bool names(std::size_t i) const;
 };

@@ -9,6 +9,7 @@
 #include "cone_reference.hpp"
 #include "lander.h"
 #include "planner_matrix.hpp"
+#include "planners/ilqr.hpp"
 #include "planners/qp/riccati_qp.hpp"
 #include "planners/sqp.hpp"
 #include "planners/sqp_tree.hpp"
@@ -257,26 +258,6 @@ TEST(Cones, sqp_finds_the_optimum_under_rate_limits_too) {
   }
 }
 
-/// The tree of ilqr projects its rollouts and has no cones in its problem: how far from the optimum that leaves it
-/// where all hypotheses are the same one.
-TEST(Cones, a_tree_is_within_them_and_short_of_the_optimum) {
-  for (const auto cone : {limit_norm, gimbal}) {
-    tiller::Config c = lander_config(tiller_planner_ilqr);
-    cone(c);
-    c.planner.particles = 2;
-    c.planner.closed_loop = 1;
-    const ConeReference reference(c, in_float(kAway), {1.0}, c.planner.horizon);
-    const double optimum = reference.cost(reference.solve(5000));
-    Bench bench(c, nullptr, table_of(c));
-    bench.set_state(kAway);
-    const tiller::PlanResult result = bench.plan();
-    std::printf("%s: the tree costs %.2f %% more than the optimum\n", cone == gimbal ? "gimbal" : "norm  ",
-                100.0 * (result.cost / optimum - 1.0));
-    EXPECT_GE(result.cost, optimum * (1.0 - 1e-9));
-    EXPECT_TRUE(tiller::within_cones(tiller::make_input_cones(c.safety.cones, 1), bench.command));
-  }
-}
-
 /// Without the cone in its programs a gradient planner would be left with a radial cut of what it planned: worse by far
 /// more than any tolerance here. So the test above can fail.
 TEST(Cones, a_cut_of_the_unconstrained_plan_is_no_optimum) {
@@ -302,8 +283,8 @@ TEST(Cones, a_cut_of_the_unconstrained_plan_is_no_optimum) {
 
 // ---- trees of scenarios -------------------------------------------------------------------------
 
-tiller::Config tree_config(std::uint32_t masses, std::uint32_t shared) {
-  tiller::Config c = lander_config(tiller_planner_sqp);
+tiller::Config tree_config(std::uint32_t masses, std::uint32_t shared, std::uint32_t planner = tiller_planner_sqp) {
+  tiller::Config c = lander_config(planner);
   c.planner.horizon = 20;
   c.planner.particles = masses;
   c.planner.closed_loop = 1;
@@ -313,7 +294,9 @@ tiller::Config tree_config(std::uint32_t masses, std::uint32_t shared) {
 
 /// The planned forces of trunk and branches, in the reference's order.
 std::vector<double> forces_of(const Bench& bench, const ConeReference& reference) {
-  const tiller::ScenarioTree& tree = *static_cast<const tiller::Sqp*>(bench.planner())->tree->tree;
+  const tiller::ScenarioTree& tree = bench.config().planner.kind == tiller_planner_sqp
+                                         ? *static_cast<const tiller::Sqp*>(bench.planner())->tree->tree
+                                         : *static_cast<const tiller::Ilqr*>(bench.planner())->tree;
   std::vector<double> u(3 * reference.forces());
   for (std::uint32_t j = 0; j < tree.count; ++j)
     for (std::uint32_t k = 0; k < bench.config().planner.horizon; ++k)
@@ -321,41 +304,57 @@ std::vector<double> forces_of(const Bench& bench, const ConeReference& reference
   return u;
 }
 
-/// As above, with cones in force in the trunk and in the branches. Rate limits that nothing comes near make the lifted
-/// program of it, whose cones are of states.
-TEST(ConesInTrees, sqp_finds_the_optimum_of_trunk_and_branches) {
-  for (const auto cone : {limit_norm, gimbal})
-    for (const std::uint32_t shared : {1u, 4u})
-      for (const bool lifted : {false, true}) {
-        const std::vector<double> masses = {0.9, 1.0, 1.2};
-        tiller::Config c = tree_config(3, shared);
-        cone(c);
-        for (int i = 0; lifted && i < 3; ++i)
-          c.safety.input_rate_per_s[i] = 0.999 * (c.safety.input_high[i] - c.safety.input_low[i]) / c.period_s;
-        const ConeReference reference(c, in_float(kAway), in_float(masses), c.planner.horizon, shared);
-        const std::vector<double> best = reference.solve();
-        const double optimum = reference.cost(best);
-        Bench bench(c, nullptr, table_of(c));
-        std::copy(best.begin(), best.begin() + 3, bench.last_command);
-        bench.set_state(kAway);
-        set_masses(bench, masses);
-        const tiller::PlanResult result = bench.plan();
-        EXPECT_EQ(result.status, tiller_status_ok);
-        const std::vector<double> u = forces_of(bench, reference);
-        const double gap = result.cost / optimum - 1.0;
-        const int in_trunk = on_the_cone(c, {best.begin(), best.begin() + 3 * shared}), in_all = on_the_cone(c, best);
-        std::printf(
-            "%s, %u shared%s: optimum %.6f, gap %.1e after %u iterations, %d stages of the trunk and %d of the "
-            "branches on the cone\n",
-            cone == gimbal ? "gimbal" : "norm  ", shared, lifted ? ", lifted" : "", optimum, gap, result.iterations,
-            in_trunk, in_all - in_trunk);
-        EXPECT_GE(in_trunk, 1) << "the cone is in nobody's way";
-        EXPECT_GE(in_all - in_trunk, 5);
-        EXPECT_LE(gap, 1e-7);
-        EXPECT_GE(gap, -1e-9) << "cheaper than the optimum: a constraint is broken, or the reference is none";
-        EXPECT_NEAR(reference.cost(u), result.cost, 1e-9 * optimum);
-        for (int i = 0; i < 3; ++i) EXPECT_NEAR(bench.command[i], best[i], 2e-3) << i;
-      }
+struct TreeCase {
+  std::uint32_t planner;
+  void (*cone)(tiller::Config&);
+  std::uint32_t shared;
+  bool lifted;  // rate limits that nothing comes near make the lifted program, whose cones are of states
+};
+
+std::vector<TreeCase> tree_cases() {
+  std::vector<TreeCase> all;
+  for (const std::uint32_t planner : {tiller_planner_sqp, tiller_planner_ilqr})
+    for (const auto cone : {limit_norm, gimbal})
+      for (const std::uint32_t shared : {1u, 4u})
+        for (const bool lifted : {false, true}) all.push_back({planner, cone, shared, lifted});
+  return all;
+}
+
+/// As above, with cones in force in the trunk and in the branches.
+TEST(ConesInTrees, the_optimum_of_trunk_and_branches_is_found) {
+  for (const TreeCase& one : tree_cases()) {
+    const std::vector<double> masses = {0.9, 1.0, 1.2};
+    tiller::Config c = tree_config(3, one.shared, one.planner);
+    one.cone(c);
+    for (int i = 0; one.lifted && i < 3; ++i)
+      c.safety.input_rate_per_s[i] = 0.999 * (c.safety.input_high[i] - c.safety.input_low[i]) / c.period_s;
+    c.state_low[3] = -0.1;  // of no weight, and no constraint of ilqr
+    c.cost.hard_bounds = one.planner == tiller_planner_ilqr ? 0b1000 : 0;
+    const ConeReference reference(c, in_float(kAway), in_float(masses), c.planner.horizon, one.shared);
+    const std::vector<double> best = reference.solve();
+    const double optimum = reference.cost(best);
+    Bench bench(c, nullptr, table_of(c));
+    std::copy(best.begin(), best.begin() + 3, bench.last_command);
+    bench.set_state(kAway);
+    set_masses(bench, masses);
+    const tiller::PlanResult result = bench.plan();
+    EXPECT_EQ(result.status, tiller_status_ok);
+    const std::vector<double> u = forces_of(bench, reference);
+    const double gap = result.cost / optimum - 1.0;
+    const int in_trunk = on_the_cone(c, {best.begin(), best.begin() + 3 * one.shared});
+    const int in_branches = on_the_cone(c, best) - in_trunk;
+    std::printf(
+        "%s %s, %u shared%s: optimum %.6f, gap %.1e after %u iterations, %d stages of the trunk and %d of the branches "
+        "on the cone\n",
+        tiller::find_planner(one.planner)->name, one.cone == gimbal ? "gimbal" : "norm  ", one.shared,
+        one.lifted ? ", lifted" : "", optimum, gap, result.iterations, in_trunk, in_branches);
+    EXPECT_GE(in_trunk, 1) << "the cone is in nobody's way";
+    EXPECT_GE(in_branches, 5);
+    EXPECT_LE(gap, 1e-7);
+    EXPECT_GE(gap, -1e-9) << "cheaper than the optimum: a constraint is broken, or the reference is none";
+    EXPECT_NEAR(reference.cost(u), result.cost, 1e-9 * optimum);
+    for (int i = 0; i < 3; ++i) EXPECT_NEAR(bench.command[i], best[i], 2e-3) << i;
+  }
 }
 
 /// Hypotheses that are all alike have one plan, whatever tree they are put in, with limits of rates in force too.
