@@ -1,7 +1,8 @@
 // ./dev bench loop: the closed loop on the ODE cart-pole, 20 fixed seeds a planner, the posterior learning and frozen.
 //
 // Every seed draws its own truth (pole mass, half length, cart friction) from the robot file's priors. No seed is left
-// out; settings are chosen on seeds from 1001 on (--seeds 1001 20).
+// out; settings are chosen on seeds from 1001 on (--seeds 1001 20). Of the ticks of each seed's run, without a
+// deadline, 99.9 % are to take half a period at most.
 
 #include <cmath>
 #include <cstdio>
@@ -42,7 +43,7 @@ double median(std::vector<double> v) {
   return v.empty() ? NAN : v[v.size() / 2];
 }
 
-void report(bench::Table& table, const Loop& loop, const std::vector<bench::EpisodeResult>& runs) {
+void report(bench::Table& table, const Loop& loop, double period_s, const std::vector<bench::EpisodeResult>& runs) {
   table.heading(std::string("cart-pole swing-up, ") + loop.name);
   double upright = 0;
   std::vector<double> when, cost, tick;
@@ -69,7 +70,7 @@ void report(bench::Table& table, const Loop& loop, const std::vector<bench::Epis
     p999 = std::max(p999, r.tick_us_p999);
     worst = std::max(worst, r.tick_us_worst);
   }
-  table.row("tick, 99.9 % of the worst run", p999, "us");
+  table.row("tick, 99.9 % of the worst run", p999, "us", bench::at_most(0.5e6 * period_s));
   table.row("tick, the worst of all runs", worst, "us");
   if (loop.frozen) return;
   for (const auto& [name, all] : parameters) {
@@ -128,7 +129,7 @@ int main(int argc, char** argv) {
         return 1;
       }
     }
-    report(table, loop, runs);
+    report(table, loop, robot->config.period_s, runs);
   }
   return table.finish();
 }

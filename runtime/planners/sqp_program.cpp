@@ -12,6 +12,7 @@ namespace {
 
 constexpr double kExact = 100.0;   // of the largest gradient
 constexpr double kAtBound = 1e-6;  // share of its range that an input at a bound may be away from it
+constexpr double kOffBounds = 0.02;  // share of its range by which an interior point starts off a bound
 
 void take_lift(Arena& arena, const LqProblem& sizes, LiftedArrays& lift) {
   const std::size_t h = sizes.horizon, n = sizes.states, m = sizes.scenarios, s = n * m, nu = sizes.inputs;
@@ -34,6 +35,12 @@ void take_bounds(Arena& arena, const LqProblem& sizes, SqpProgram& program) {
   program.state_high = arena.take<double>((sizes.horizon + 1) * s);
   program.slack_linear = arena.take<double>(s);
   program.slack_quadratic = arena.take<double>(s);
+}
+
+/// The nearest value to `value` between the limits and off both.
+double within(double value, double low, double high) {
+  const double room = kOffBounds * (high - low);
+  return std::isfinite(room) ? std::fmin(std::fmax(value, low + room), high - room) : value;
 }
 
 double margin_of(const PartPath& path, std::size_t k, std::size_t j, std::size_t i) {
@@ -260,8 +267,8 @@ void start_lifted(const PathPlan& p, const PartPath& path, double* last, SqpPart
   for (std::size_t at = 0; at < part.plain.qp.lq.horizon * nu; ++at) {
     const std::size_t i = at % nu;
     const double planned = path.control[at] - (at < nu ? path.before[i] : path.control[at - nu]);
-    const double wish = path.control[at] + part.plain.solution.u[at] - last[i];
-    const double change = std::fmin(std::fmax(wish, -p.most_change[i]), p.most_change[i]);
+    const double aim = within(path.control[at] + part.plain.solution.u[at], p.low[i], p.high[i]);
+    const double change = within(aim - last[i], -p.most_change[i], p.most_change[i]);
     part.lifted.solution.u[at] = change - planned;
     last[i] += change;
   }
