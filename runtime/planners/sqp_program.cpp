@@ -10,8 +10,8 @@
 namespace tiller {
 namespace {
 
-constexpr double kExact = 100.0;   // of the largest gradient
-constexpr double kAtBound = 1e-6;  // share of its range that an input at a bound may be away from it
+constexpr double kExact = 100.0;     // of the largest gradient
+constexpr double kAtBound = 1e-6;    // share of its range that an input at a bound may be away from it
 constexpr double kOffBounds = 0.02;  // share of its range by which an interior point starts off a bound
 
 void take_lift(Arena& arena, const LqProblem& sizes, LiftedArrays& lift) {

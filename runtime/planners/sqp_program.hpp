@@ -84,8 +84,8 @@ void build_lifted(const PathPlan& p, const PartPath& path, SqpPart& part);
 /// Whether the plain solution's inputs change by no more than they may.
 bool changes_within(const PathPlan& p, const PartPath& path, const SqpPart& part);
 /// Where the interior point starts: the plain program's last inputs, followed as fast as they may change. Off all
-/// limits then, which saves a fifth of the iterations of the slowest ticks; differences that are cut one by one would add up to inputs far beyond them. `last` (nu): the input
-/// before the first, and after the call the last one.
+/// limits then, which saves a fifth of the iterations of the slowest ticks; differences that are cut one by one would
+/// add up to inputs far beyond them. `last` (nu): the input before the first, and after the call the last one.
 void start_lifted(const PathPlan& p, const PartPath& path, double* last, SqpPart& part);
 /// Inputs and states of the plain program from the lifted one's.
 void take_lifted_solution(const PathPlan& p, SqpPart& part);
