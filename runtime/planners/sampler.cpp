@@ -11,6 +11,7 @@ namespace tiller {
 namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
+constexpr double kWider = 8.0;  // samples for a first plan than those around a plan
 
 // ---- before the rollouts ------------------------------------------------------------------------
 
@@ -32,6 +33,7 @@ void shift_plan(Sampler& s, std::uint64_t tick) {
     fill_grid(s.clock, s.first_step, s.fraction);
   }
   s.last_tick = tick;
+  s.cold = !s.has_plan;
   s.has_plan = true;
 }
 
@@ -87,6 +89,13 @@ RiskJob risk_job(const Sampler& s, std::uint32_t lanes, const float* cost, float
   return job;
 }
 
+/// A first plan of one input is the cheapest of very wide samples until its last iteration: a mean is drawn to the
+/// valley that the first few good samples lie in. With several inputs the cheapest sample is a rough beginning, and the
+/// mean leads to better plans.
+bool explores(const Sampler& s) {
+  return s.cold && s.inputs == 1 && !s.method->draw && s.iteration + 1 < s.settings->iterations;
+}
+
 /// False if the deadline passed on the way.
 bool prepare_iteration(Sampler& s) {
   for (std::uint32_t i = 0; i < s.inputs; ++i) s.before_lanes[i] = lane_number(s.knot_before[i]);
@@ -97,7 +106,7 @@ bool prepare_iteration(Sampler& s) {
   }
   for (std::uint32_t r = 0; r < s.rows; ++r) {
     s.row_mean[r] = lane_number(s.mean[r]);
-    s.row_spread[r] = lane_number(anneal_of_row(s, r) * s.spread[r]);
+    s.row_spread[r] = lane_number((explores(s) ? kWider : 1.0) * anneal_of_row(s, r) * s.spread[r]);
   }
   return !s.method->draw || s.method->draw(s);
 }
@@ -325,7 +334,10 @@ std::uint32_t iterate(Sampler& s, PlanResult& result) {
     s.mean_cost_before = static_cast<double>(s.cost[0]);
     if (s.iteration == 0) s.warm_cost = s.mean_cost_before;
     for (std::uint32_t r = 0; r < s.rows; ++r) s.before[r] = s.mean[r];
-    s.method->update(s);
+    if (explores(s))
+      std::copy(s.best, s.best + s.rows, s.mean);
+    else
+      s.method->update(s);
   }
   if (s.iteration < deadline.iterations) result.status = tiller_status_iteration_capped;
   return s.iteration;
