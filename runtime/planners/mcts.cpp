@@ -29,6 +29,7 @@ namespace {
 
 constexpr std::uint32_t kLeavesAtOnce = 64;                // between two looks at the clock: some 10 us
 constexpr std::uint32_t kMostMoves = 3, kLongestMove = 5;  // of a changed plan; in knots
+constexpr std::uint32_t kPieces = 5;                       // of a random sequence
 constexpr double kFade = 0.5;  // of what the tree knew, every tick: it was about another state
 
 /// Numbers of one simulation, from one Philox draw (xorshift128, Marsaglia 2003).
@@ -106,6 +107,17 @@ void move_choices(Search& t, std::uint32_t depth, RandomStream& random) {
     move_level(t, c, place, up != (opposed && c == last));
 }
 
+/// Choices at random, some kPieces of them over the horizon.
+void choose_at_random(Search& t, RandomStream& random) {
+  for (std::uint32_t j = 0; j < t.choices(); ++j) {
+    const bool held = j >= t.stages && random.below(t.core->grid.knots) >= kPieces;
+    t.choice[j] = held ? t.choice[j - t.stages] : random.below(t.actions);
+  }
+}
+
+/// Whether this iteration looks for a first plan: there is none whose rest could say what a choice is worth.
+bool explores(const Sampler& s) { return s.cold && 2 * s.iteration < s.settings->iterations; }
+
 /// How the lane's simulation goes on from choice `from`.
 void follow_policy(Search& t, std::uint32_t policy, std::uint32_t from, std::uint32_t variant, RandomStream& random) {
   for (std::uint32_t j = from; j < t.choices(); ++j) {
@@ -124,7 +136,10 @@ void choose_for_leaf(Search& t, std::uint32_t set, std::uint32_t member, RandomS
   std::uint32_t depth = t.tree.path(leaf, t.choice);
   for (std::uint32_t policy = 0; policy < kPolicies; ++policy) {
     const bool reserved = set > 0 && policy < t.reserved(set);
-    follow_policy(t, policy, reserved ? 0 : depth, set % t.variant_count, random);
+    if (explores(*t.core) && !reserved)
+      choose_at_random(t, random);
+    else
+      follow_policy(t, policy, reserved ? 0 : depth, set % t.variant_count, random);
     std::copy(t.choice, t.choice + t.choices(), t.chosen_by(set * kPolicies + policy, member));
     if (reserved) depth = t.tree.path(leaf, t.choice);
   }
@@ -163,7 +178,7 @@ bool draw(Sampler& s) {
   Search& t = search_of(s);
   for (std::uint32_t c = 0; c < t.choices(); ++c)
     t.plan[c] = action_near(t, s.mean, s.grid.knots, c / t.stages, c % t.stages);
-  const std::uint32_t depth = knots_within(s) * t.stages;
+  const std::uint32_t depth = explores(s) ? 0 : knots_within(s) * t.stages;
   std::uint32_t leaves = 1;  // since the last look at the clock
   for (t.set_count = 0; t.set_count < s.rollouts / kPolicies; ++t.set_count) {
     if (leaves >= kLeavesAtOnce) {
