@@ -18,11 +18,18 @@ constexpr double kFinestScale = 1.0 / 64.0;
 constexpr double kWidths = 2.0;
 constexpr std::uint32_t kControlBytes = 32 * 1024;  // of a chunk: two thirds of a 48 kB first-level cache
 
-/// Lanes of a chunk: 64 are four AVX-512 vectors in flight; 128 halve the cost of a call where there are enough
-/// rollouts to share and the controls still fit the cache.
+/// What the busiest of kMostSlots slots works off, in rollouts.
+std::uint32_t longest_slot(std::uint32_t rollouts, std::uint32_t lanes) {
+  const std::uint32_t chunks = (rollouts + lanes - 1) / lanes;
+  return (chunks + kMostSlots - 1) / kMostSlots * lanes;
+}
+
+/// Lanes of a chunk: 64 are four AVX-512 vectors in flight; 128 halve the cost of a call where the controls still fit the
+/// cache and no slot gets more to do, as of 1536 rollouts four would: eight threads then wait for those.
 std::uint32_t choose_chunk_lanes(const tiller_planner_config_t& p, std::uint32_t inputs) {
   const bool fits = p.horizon * inputs * 128 * sizeof(float) <= kControlBytes;
-  const std::uint32_t lanes = fits && p.rollouts >= 1024 ? 128 : 64;
+  const bool shares = p.rollouts >= 1024 && longest_slot(p.rollouts, 128) <= longest_slot(p.rollouts, 64);
+  const std::uint32_t lanes = fits && shares ? 128 : 64;
   return lanes < p.rollouts ? lanes : p.rollouts;
 }
 
