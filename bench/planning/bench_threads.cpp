@@ -129,7 +129,7 @@ tiller::Config planner_config(std::uint32_t kind, std::uint32_t rollouts, std::u
 
 /// A cold plan: the same each time.
 Case plan_case(const std::string& name, bool judged, const tiller::Config& config) {
-  return {name, judged, 200, [config](const tiller_hooks_t* hooks) {
+  return {name, judged, 60, [config](const tiller_hooks_t* hooks) {
             auto planning = std::make_shared<bench::Planning>(config, 0.1, best_isa(), hooks);
             return std::array<std::function<void()>, 2>{[planning] {
                                                           planning->planner->reset(planning->self);
@@ -143,7 +143,7 @@ Case plan_case(const std::string& name, bool judged, const tiller::Config& confi
 /// 50 updates of a posterior whose window is full.
 Case update_case(const std::string& name, bool judged, std::uint32_t particles, std::uint32_t window,
                  std::uint32_t moves) {
-  return {name, judged, 12, [=](const tiller_hooks_t* hooks) {
+  return {name, judged, 6, [=](const tiller_hooks_t* hooks) {
             auto subject = std::make_shared<bench::PosteriorSubject>(particles, window, moves, hooks);
             return std::array<std::function<void()>, 2>{[subject] { subject->warm_up(); },
                                                         [subject] {
@@ -172,7 +172,7 @@ std::vector<Case> cases() {
   }
   all.push_back(update_case("posterior N=512 W=64 M=16", false, 512, 64, 16));
   all.push_back(update_case("posterior N=1024 W=64 M=64", true, 1024, 64, 64));
-  all.push_back(update_case("posterior N=4096 W=128 M=256", true, 4096, 128, 256));
+  all.push_back(update_case("posterior N=2048 W=64 M=256", true, 2048, 64, 256));
   return all;
 }
 

@@ -10,7 +10,6 @@
 #include <limits>
 #include <memory>
 #include <mutex>
-#include <type_traits>
 #include <vector>
 
 #include "errors.hpp"
@@ -53,7 +52,8 @@ inline Crew& crew() {
 template <class T>
 class Batch {
  public:
-  static constexpr std::uint32_t kLanes = 32;  // of a piece: its rows stay in the second cache
+  /// Of a piece: four of the widest registers side by side, and its rows stay in the second cache.
+  static constexpr std::uint32_t kLanes = 256 / sizeof(T);
 
   Batch(const Robot& robot, Source<T> state, Source<T> controls, Source<T> params, Source<T> history, T* out,
         std::size_t count, std::uint32_t horizon)
@@ -108,18 +108,30 @@ class Batch {
   Lanes<T> load(const Source<T>& source, std::size_t at, std::size_t lanes, std::vector<T>& rows,
                 std::atomic<std::size_t>& bad) const {
     if (source.shared) return {source.data, 0};
+    const bool neighbours = lanes == kLanes && !source.row;
+    if (neighbours && !finite(source.of(at), kLanes * source.width))
+      for (std::size_t l = 0; l < kLanes; ++l) check(source, at + l, bad);
+    if (neighbours && source.width == 1) return {source.of(at), kLanes};
     rows.resize(source.width * kLanes);
-    T* const to = rows.data();  // the loop would ask for it each time
-    for (std::size_t l = 0; l < kLanes; ++l) {
-      const std::size_t lane = at + std::min(l, lanes - 1);
-      const T* from = source.of(lane);
-      for (std::size_t i = 0; i < source.width; ++i) to[i * kLanes + l] = from[i];
-      // a sum of such products would make each wait for the one before
-      int strange = 0;
-      for (std::size_t i = 0; i < source.width; ++i) strange |= from[i] * T(0) == T(0) ? 0 : 1;
-      if (strange) note_bad(from, source, lane, bad);
+    if (neighbours) {
+      turn(source.of(at), source.width, kLanes, source.width, rows.data(), kLanes);
+    } else {
+      for (std::size_t l = 0; l < kLanes; ++l) {
+        const std::size_t lane = at + std::min(l, lanes - 1);
+        turn(source.of(lane), source.width, 1, source.width, rows.data() + l, kLanes);
+        check(source, lane, bad);
+      }
     }
-    return {to, kLanes};
+    return {rows.data(), kLanes};
+  }
+
+  static void check(const Source<T>& source, std::size_t lane, std::atomic<std::size_t>& bad) {
+    if (!finite(source.of(lane), source.width)) note_bad(source.of(lane), source, lane, bad);
+  }
+  static bool finite(const T* from, std::size_t count) {
+    int strange = 0;  // a sum of such products would make each wait for the one before
+    for (std::size_t i = 0; i < count; ++i) strange |= from[i] * T(0) == T(0) ? 0 : 1;
+    return strange == 0;
   }
 
   static void note_bad(const T* from, const Source<T>& source, std::size_t lane, std::atomic<std::size_t>& bad) {
@@ -167,27 +179,31 @@ class Batch {
       store(own.way.data(), rows, lanes, out_ + at * rows);
   }
 
-  /// One row for each lane from rows of kLanes, in squares of a cache line's side: each line is fetched once, where
-  /// lane after lane would fetch every line kLanes times.
+  /// One row for each lane from rows of kLanes. Few lanes at once: what is written goes on where it was.
   static void store(const T* from, std::size_t rows, std::size_t lanes, T* to) {
     constexpr std::size_t kSide = 64 / sizeof(T);
-    for (std::size_t l = 0; l < lanes; l += kSide)  // few lanes at once: what is written goes on where it was
-      for (std::size_t r = 0; r < rows; r += kSide) {
-        const T* const square = from + r * kLanes + l;
-        T* const out = to + l * rows + r;
-        if (lanes - l >= kSide && rows - r >= kSide)
-          turn(square, rows, Side<kSide>{}, Side<kSide>{}, out);
-        else
-          turn(square, rows, std::min(kSide, lanes - l), std::min(kSide, rows - r), out);
-      }
+    for (std::size_t l = 0; l < lanes; l += kSide)
+      turn(from + l, kLanes, rows, std::min(kSide, lanes - l), to + l * rows, rows);
   }
-  template <std::size_t kSize>
-  using Side = std::integral_constant<std::size_t, kSize>;
-  /// Whole squares by constants, which compilers unroll.
-  template <class High, class Wide>
-  static void turn(const T* square, std::size_t rows, High high, Wide wide, T* out) {
-    for (std::size_t i = 0; i < high; ++i)
-      for (std::size_t j = 0; j < wide; ++j) out[i * rows + j] = square[j * kLanes + i];
+
+  /// `to` (wide x high) is `from` (high x wide) turned, in squares that compilers keep in registers.
+  static void turn(const T* from, std::size_t from_stride, std::size_t high, std::size_t wide, T* to,
+                   std::size_t to_stride) {
+    const std::size_t whole_high = high / kSquare * kSquare, whole_wide = wide / kSquare * kSquare;
+    for (std::size_t i = 0; i < whole_high; i += kSquare)
+      for (std::size_t j = 0; j < whole_wide; j += kSquare)
+        turn_square(from + i * from_stride + j, from_stride, to + j * to_stride + i, to_stride);
+    for (std::size_t j = 0; j < wide; ++j)
+      for (std::size_t i = j < whole_wide ? whole_high : 0; i < high; ++i)
+        to[j * to_stride + i] = from[i * from_stride + j];
+  }
+  static constexpr std::size_t kSquare = 4;
+  static void turn_square(const T* from, std::size_t from_stride, T* to, std::size_t to_stride) {
+    T square[kSquare][kSquare];
+    for (std::size_t i = 0; i < kSquare; ++i)
+      for (std::size_t j = 0; j < kSquare; ++j) square[j][i] = from[i * from_stride + j];
+    for (std::size_t j = 0; j < kSquare; ++j)
+      for (std::size_t i = 0; i < kSquare; ++i) to[j * to_stride + i] = square[j][i];
   }
 
   const Robot& robot_;

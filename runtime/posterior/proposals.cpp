@@ -192,31 +192,35 @@ double rehearse(const Stepper& stepper, const Guides& guides, Rng& rng, Rng& wid
 
 }  // namespace
 
-void propose(const Cloud& cloud, std::uint64_t tick, std::uint32_t cursor, std::uint32_t moves, Proposal* proposals,
-             const Guides* guides) {
-  constexpr double kSwings = 0.2;
-  const std::uint32_t n = cloud.n, d = cloud.d, first_still = (cursor + moves) % n, still = n - moves;
-  const Stepper stepper(cloud, tick, first_still, still);
+Proposer::Proposer(const Cloud& cloud, std::uint64_t tick, std::uint32_t cursor, std::uint32_t moves,
+                   const Guides* guides)
+    : cloud_(cloud), cursor_(cursor), guides_(guides), stepper_(cloud, tick, (cursor + moves) % cloud.n, cloud.n - moves) {
+  if (guides == nullptr) return;
   // anew in every tick: a walk judged by what its particle was fitted to would not leave the target as it is
-  if (guides != nullptr) guides->shape->clear();
-  if (guides != nullptr && stepper.whole())
-    guides->shape->fit(cloud, first_still, still, stepper.mean(), stepper.factor(), guides->log_likelihood);
-  const bool rehearses = guides != nullptr && guides->shape->fitted();
-  for (std::uint32_t m = 0; m < moves; ++m) {
-    Proposal& p = proposals[m];
-    p.particle = (cursor + m) % n;
-    Rng rng = stepper.random(p.particle), widening = stepper.widening(p.particle);
-    double present[kMaxCoordinates];
-    for (std::uint32_t j = 0; j < d; ++j) present[j] = cloud.coordinate[j * n + p.particle];
-    // every other one, so that the cloud gets to where the shape is not believed, and away from there
-    if (rehearses && m % 2 == 0)
-      p.log_correction = rehearse(stepper, *guides, rng, widening, present, d, p.coordinate);
-    else if (guides != nullptr && guides->swing != nullptr && rng.uniform() < kSwings)
-      p.log_correction = guides->swing->step(cloud.prior, rng, present, p.coordinate);
-    else
-      p.log_correction = stepper.step(rng, widening, m % 2 == 1, present, p.coordinate);
-    p.log_uniform = math::log(rng.uniform());
-  }
+  guides->shape->clear();
+  if (stepper_.whole())
+    guides->shape->fit(cloud, (cursor + moves) % cloud.n, cloud.n - moves, stepper_.mean(), stepper_.factor(),
+                       guides->log_likelihood);
+}
+
+void Proposer::read_present(std::uint32_t m, double* coordinate) const {
+  for (std::uint32_t j = 0; j < cloud_.d; ++j) coordinate[j] = cloud_.coordinate[j * cloud_.n + particle(m)];
+}
+
+void Proposer::draw(std::uint32_t m, Proposal& p) const {
+  constexpr double kSwings = 0.2;
+  p.particle = particle(m);
+  Rng rng = stepper_.random(p.particle), widening = stepper_.widening(p.particle);
+  double present[kMaxCoordinates];
+  read_present(m, present);
+  // every other one, so that the cloud gets to where the shape is not believed, and away from there
+  if (guides_ != nullptr && guides_->shape->fitted() && m % 2 == 0)
+    p.log_correction = rehearse(stepper_, *guides_, rng, widening, present, cloud_.d, p.coordinate);
+  else if (guides_ != nullptr && guides_->swing != nullptr && rng.uniform() < kSwings)
+    p.log_correction = guides_->swing->step(cloud_.prior, rng, present, p.coordinate);
+  else
+    p.log_correction = stepper_.step(rng, widening, m % 2 == 1, present, p.coordinate);
+  p.log_uniform = math::log(rng.uniform());
 }
 
 }  // namespace tiller

@@ -72,7 +72,22 @@ struct Guides {
 /// transition method (Liu 2001, section 9.4.3; Christen and Fox 2005 for one step). What the shape misses is judged
 /// with the data, so that the target stays; what it has right costs no data, and an accepted move is a far one. Of the
 /// others a share asks for a swing.
-void propose(const Cloud& cloud, std::uint64_t tick, std::uint32_t cursor, std::uint32_t moves, Proposal* proposals,
-             const Guides* guides = nullptr);
+///
+/// What they share is made at once; each is then drawn by itself, by any thread: its random numbers are its particle's.
+class Proposer {
+ public:
+  Proposer(const Cloud& cloud, std::uint64_t tick, std::uint32_t cursor, std::uint32_t moves,
+           const Guides* guides = nullptr);
+
+  std::uint32_t particle(std::uint32_t m) const { return (cursor_ + m) % cloud_.n; }
+  void read_present(std::uint32_t m, double* coordinate) const;  // (d)
+  void draw(std::uint32_t m, Proposal& proposal) const;
+
+ private:
+  const Cloud& cloud_;
+  const std::uint32_t cursor_;
+  const Guides* guides_;
+  const Stepper stepper_;
+};
 
 }  // namespace tiller

@@ -16,6 +16,12 @@ using tiller::Proposal;
 
 constexpr std::uint32_t kParticles = 64, kMoves = 32;
 
+void propose(const Cloud& cloud, std::uint64_t tick, std::uint32_t cursor, std::uint32_t moves, Proposal* proposals,
+             const tiller::Guides* guides = nullptr) {
+  const tiller::Proposer proposer(cloud, tick, cursor, moves, guides);
+  for (std::uint32_t m = 0; m < moves; ++m) proposer.draw(m, proposals[m]);
+}
+
 tiller::Config config_of_two() {
   tiller::Config c;
   (void)tiller_config_default(&c, tiller_find_model("pendulum"));

@@ -1,7 +1,7 @@
 #include "posterior/filter/filter_moves.hpp"
 
+#include <algorithm>
 #include <cmath>
-#include <cstring>
 
 #include "core/bits.hpp"
 #include "posterior/tasks.hpp"
@@ -48,12 +48,14 @@ void FilterMoves::move(const Job& job, FilterParticles& particles, Tempering& te
   if (moves == 0) return;
   const Guides guides = {&shape_, particles.log_likelihood, tempering.exponent(),
                          particles.disturbances->swings() ? &swing_ : nullptr};
-  propose(cloud, job.tick, tempering.cursor(), moves, proposals_, guided(cloud) ? &guides : nullptr);
-  load_lanes(job.tools.chunks, particles, moves, pairs);
+  const Proposer proposer(cloud, job.tick, tempering.cursor(), moves, guided(cloud) ? &guides : nullptr);
   const std::uint32_t lanes = pairs ? 2 * moves : moves;
-  for_each_chunk(job.hooks, (lanes + kLanes - 1) / kLanes, true,
-                 [&](std::uint32_t c) { rerun(job, job.tools.chunks[c]); });
-  sum_past(job.past.summary(), cloud, moves);
+  for_each_chunk(job.hooks, (lanes + kLanes - 1) / kLanes, true, [&](std::uint32_t c) {
+    const FilterChunk& chunk = job.tools.chunks[c];
+    load_lanes(proposer, particles, moves, lanes, c * kLanes, chunk);
+    rerun(job, chunk);
+    if (c * kLanes < moves) sum_past(job.past.summary(), proposer, cloud.d, moves, c * kLanes);
+  });
   sum_proposals(job.tools.chunks, particles, moves, pairs);
   tempering.note_moves(cloud, moves, accept(job, particles, moves, tempering.exponent()));
 }
@@ -71,23 +73,21 @@ std::uint32_t FilterMoves::count_moves(const FilterWindow& window, const Cloud& 
   return moves / 8 * 8;
 }
 
-/// The proposals in lanes 0..moves-1, with pairs the present parameters behind them. The last chunk is filled up with
-/// copies of the first lane.
-void FilterMoves::load_lanes(const FilterChunk* chunks, const FilterParticles& particles, std::uint32_t moves,
-                             bool pairs) const {
-  std::uint32_t lane = 0;
-  const auto place = [&](const double* coordinate) {
-    particles.place(chunks[lane / kLanes], lane % kLanes, coordinate);
-    ++lane;
-  };
-  for (std::uint32_t m = 0; m < moves; ++m) place(proposals_[m].coordinate);
-  for (std::uint32_t m = 0; m < moves && pairs; ++m) {
-    double present[kMaxCoordinates];
-    for (std::uint32_t j = 0; j < particles.cloud.d; ++j)
-      present[j] = particles.cloud.coordinate[j * particles.n() + proposals_[m].particle];
-    place(present);
+/// Of the proposals in lanes 0..moves-1, and behind them with pairs the present parameters, a chunk's from `first` on.
+/// The last chunk is filled up with some parameters.
+void FilterMoves::load_lanes(const Proposer& proposer, const FilterParticles& particles, std::uint32_t moves,
+                             std::uint32_t lanes, std::uint32_t first, const FilterChunk& chunk) const {
+  double present[kMaxCoordinates];
+  for (std::uint32_t l = 0; l < kLanes; ++l) {
+    const std::uint32_t lane = first + l;
+    if (lane < moves) {
+      proposer.draw(lane, proposals_[lane]);
+      particles.place(chunk, l, proposals_[lane].coordinate);
+    } else {
+      proposer.read_present(lane < lanes ? lane - moves : 0, present);
+      particles.place(chunk, l, present);
+    }
   }
-  while (lane % kLanes != 0) place(proposals_[0].coordinate);
 }
 
 /// The chunk's lanes over the whole window: their filters and their sums over it.
@@ -102,18 +102,22 @@ void FilterMoves::rerun(const Job& job, const FilterChunk& chunk) {
     filter.step_own(chunk, job.window.at(k), chunk.filter);
 }
 
-/// The summary's log density of each proposal less that of the present parameters.
-void FilterMoves::sum_past(const FilterSummary& summary, const Cloud& cloud, std::uint32_t moves) {
-  const std::uint32_t lanes = round_up(moves, kLanes);
-  std::memset(sums_, 0, sizeof(double) * kRows * lanes_);
-  const auto add = [&](double factor, const auto& coordinate) {
-    for (std::uint32_t m = 0; m < lanes; ++m)
-      for (std::uint32_t j = 0; j < cloud.d; ++j)
-        coordinate_[j * lanes_ + m] = coordinate(proposals_[m < moves ? m : 0], j);
-    summary.add_sums(lanes, coordinate_, lanes_, factor, sums_, lanes_);
+/// The summary's log density of the proposals of a chunk less that of the present parameters.
+void FilterMoves::sum_past(const FilterSummary& summary, const Proposer& proposer, std::uint32_t d, std::uint32_t moves,
+                           std::uint32_t first) const {
+  double* const sums = sums_ + first;
+  double* const coordinate = coordinate_ + first;
+  for (std::uint32_t r = 0; r < kRows; ++r) std::fill_n(sums + std::size_t{r} * lanes_, kLanes, 0.0);
+  const auto add = [&](double factor, const auto& read) {
+    for (std::uint32_t l = 0; l < kLanes; ++l) {
+      double at[kMaxCoordinates];
+      read(first + l < moves ? first + l : first, at);
+      for (std::uint32_t j = 0; j < d; ++j) coordinate[j * lanes_ + l] = at[j];
+    }
+    summary.add_sums(kLanes, coordinate, lanes_, factor, sums, lanes_);
   };
-  add(1.0, [](const Proposal& p, std::uint32_t j) { return p.coordinate[j]; });
-  add(-1.0, [&](const Proposal& p, std::uint32_t j) { return cloud.coordinate[j * cloud.n + p.particle]; });
+  add(1.0, [&](std::uint32_t m, double* at) { std::copy_n(proposals_[m].coordinate, d, at); });
+  add(-1.0, [&](std::uint32_t m, double* at) { proposer.read_present(m, at); });
 }
 
 /// A proposal's sums over all data.

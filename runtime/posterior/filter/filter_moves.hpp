@@ -40,9 +40,11 @@ class FilterMoves {
   /// Whether moves have guides: where the engine has several coordinates of its own.
   static bool guided(const Cloud& cloud) { return cloud.d - cloud.named > 1; }
   static std::uint32_t count_moves(const FilterWindow& window, const Cloud& cloud, const Tempering& tempering);
-  void load_lanes(const FilterChunk* chunks, const FilterParticles& particles, std::uint32_t moves, bool pairs) const;
+  void load_lanes(const Proposer& proposer, const FilterParticles& particles, std::uint32_t moves, std::uint32_t lanes,
+                  std::uint32_t first, const FilterChunk& chunk) const;
   static void rerun(const Job& job, const FilterChunk& chunk);
-  void sum_past(const FilterSummary& summary, const Cloud& cloud, std::uint32_t moves);
+  void sum_past(const FilterSummary& summary, const Proposer& proposer, std::uint32_t d, std::uint32_t moves,
+                std::uint32_t first) const;
   void sum_proposals(const FilterChunk* chunks, const FilterParticles& particles, std::uint32_t moves, bool pairs);
   std::uint32_t accept(const Job& job, FilterParticles& particles, std::uint32_t moves, double exponent);
 
