@@ -2,7 +2,8 @@
 //
 // A machine has few cores, so that time is simulated: every piece that parallel_for is given runs alone and is timed, and
 // so is what lies between; a piece goes to the worker that is free first, in the order of the pieces, as a pool hands
-// them out. The same work is repeated and the least time of each piece counts, which other programs can only lengthen.
+// them out. A sampling planner hands out chunks by itself: its first slot takes all of them here, and the clock, which it
+// reads once a rollout call, says where one ended. The same work is repeated and the least time of each piece counts, which other programs can only lengthen.
 // Efficiency is the time of one worker over n times that of n. Waking workers is not in it; the last table has it, and
 // two real threads beside it. Goal: 0.9 at 8 workers, for work of half a millisecond and more.
 
@@ -39,6 +40,10 @@ class Recorder {
     hooks_.size = sizeof hooks_;
     hooks_.version = TILLER_CONFIG_VERSION;
     hooks_.context = this;
+    hooks_.now_ns = [](void* self) -> std::int64_t {
+      static_cast<Recorder*>(self)->looks_.push_back(Clock::now());
+      return 0;
+    };
     hooks_.parallel_for = [](void* self, std::uint32_t n, void (*work)(void*, std::uint32_t), void* arg) {
       static_cast<Recorder*>(self)->run(n, work, arg);
     };
@@ -46,8 +51,10 @@ class Recorder {
   const tiller_hooks_t* hooks() const { return &hooks_; }
 
   /// The phases of work(), each time the least of `repeats`; prepare() comes before each, untimed.
-  std::vector<Phase> measure(int repeats, const std::function<void()>& prepare, const std::function<void()>& work) {
+  /// A piece is cut at every `looks`-th look at the clock; 0: it is whole.
+  std::vector<Phase> measure(int repeats, std::size_t looks, const std::function<void()>& prepare, const std::function<void()>& work) {
     std::vector<Phase> least;
+    looks_each_ = looks;
     for (int i = 0; i < repeats; ++i) {
       prepare();
       phases_.clear();
@@ -66,8 +73,13 @@ class Recorder {
   void run(std::uint32_t n, void (*work)(void*, std::uint32_t), void* arg) {
     Phase phase{seconds_since(began_), {}};
     for (std::uint32_t i = 0; i < n; ++i) {
-      const auto begin = Clock::now();
+      looks_.clear();
+      auto begin = Clock::now();
       work(arg, i);
+      for (std::size_t k = looks_each_; looks_each_ > 0 && k < looks_.size(); k += looks_each_) {
+        phase.piece_s.push_back(std::chrono::duration<double>(looks_[k] - begin).count());
+        begin = looks_[k];
+      }
       phase.piece_s.push_back(seconds_since(begin));
     }
     phases_.push_back(std::move(phase));
@@ -84,6 +96,8 @@ class Recorder {
 
   tiller_hooks_t hooks_{};
   std::vector<Phase> phases_;
+  std::vector<Clock::time_point> looks_;
+  std::size_t looks_each_ = 0;
   Clock::time_point began_;
 };
 
@@ -111,6 +125,7 @@ struct Case {
   std::string name;
   bool judged;
   int repeats;
+  std::size_t looks;  ///< at the clock, a piece
   /// Makes what runs with these hooks: (prepare, work).
   std::function<std::array<std::function<void()>, 2>(const tiller_hooks_t*)> make;
 };
@@ -129,8 +144,9 @@ tiller::Config planner_config(std::uint32_t kind, std::uint32_t rollouts, std::u
 
 /// A cold plan: the same each time.
 Case plan_case(const std::string& name, bool judged, const tiller::Config& config) {
-  return {name, judged, 60, [config](const tiller_hooks_t* hooks) {
+  return {name, judged, 60, config.planner.particles, [config](const tiller_hooks_t* hooks) {
             auto planning = std::make_shared<bench::Planning>(config, 0.1, best_isa(), hooks);
+            planning->request.deadline.deadline_ns = INT64_MAX;
             return std::array<std::function<void()>, 2>{[planning] {
                                                           planning->planner->reset(planning->self);
                                                           planning->request.tick = 0;
@@ -143,7 +159,7 @@ Case plan_case(const std::string& name, bool judged, const tiller::Config& confi
 /// 50 updates of a posterior whose window is full.
 Case update_case(const std::string& name, bool judged, std::uint32_t particles, std::uint32_t window,
                  std::uint32_t moves) {
-  return {name, judged, 6, [=](const tiller_hooks_t* hooks) {
+  return {name, judged, 6, 0, [=](const tiller_hooks_t* hooks) {
             auto subject = std::make_shared<bench::PosteriorSubject>(particles, window, moves, hooks);
             return std::array<std::function<void()>, 2>{[subject] { subject->warm_up(); },
                                                         [subject] {
@@ -214,7 +230,7 @@ int main(int argc, char** argv) {
     if (c.name.find(only) == std::string::npos) continue;
     Recorder recorder;
     const auto subject = c.make(recorder.hooks());
-    const std::vector<Phase> phases = recorder.measure(c.repeats, subject[0], subject[1]);
+    const std::vector<Phase> phases = recorder.measure(c.repeats, c.looks, subject[0], subject[1]);
     const double one = makespan(phases, 1);
     table.heading(c.name);
     table.row("one worker", one * 1e6, "us");

@@ -226,29 +226,26 @@ bool evaluate_chunk(Sampler& s, std::uint32_t slot, std::uint32_t chunk) {
   return true;
 }
 
+/// Takes chunk after chunk, in a scratch of its own: a thread that is late leaves more to the others.
 void evaluate_slot(void* self, std::uint32_t slot) {
   Sampler& s = *static_cast<Sampler*>(self);
   const FlushToZero flush;
-  for (std::uint32_t chunk = slot; chunk < s.chunks; chunk += s.slots)
+  for (std::uint32_t chunk; (chunk = s.next_chunk.fetch_add(1, std::memory_order_relaxed)) < s.chunks;)
     if (!evaluate_chunk(s, slot, chunk)) {
-      s.aborted[slot] = 1;
+      s.aborted.store(true, std::memory_order_relaxed);
       return;
     }
 }
 
 /// All K rollouts; false if the deadline passed on the way, and then nothing of the iteration counts.
 bool evaluate(Sampler& s) {
-  if (!s.hooks || !s.hooks->parallel_for) {
-    // one thread keeps to one slot, whose scratch stays in the cache
-    for (std::uint32_t chunk = 0; chunk < s.chunks; ++chunk)
-      if (!evaluate_chunk(s, 0, chunk)) return false;
-    return true;
-  }
-  for (std::uint32_t slot = 0; slot < s.slots; ++slot) s.aborted[slot] = 0;
-  s.hooks->parallel_for(s.hooks->context, s.slots, evaluate_slot, &s);
-  for (std::uint32_t slot = 0; slot < s.slots; ++slot)
-    if (s.aborted[slot]) return false;
-  return true;
+  s.next_chunk.store(0, std::memory_order_relaxed);
+  s.aborted.store(false, std::memory_order_relaxed);
+  if (s.hooks && s.hooks->parallel_for)
+    s.hooks->parallel_for(s.hooks->context, s.slots, evaluate_slot, &s);
+  else
+    evaluate_slot(&s, 0);  // one scratch, which stays in the cache
+  return !s.aborted.load(std::memory_order_relaxed);
 }
 
 // ---- penalties ----------------------------------------------------------------------------------

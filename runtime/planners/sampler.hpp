@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 
 #include "core/arena.hpp"
@@ -71,7 +72,7 @@ struct Sampler {
 
   std::uint32_t states = 0, inputs = 0, params = 0, effect_states = 0;
   std::uint32_t rollouts = 0, rows = 0;                  // rows = inputs * knots
-  std::uint32_t chunk_lanes = 0, chunks = 0, slots = 0;  // slots: scratch places, each works off every slots-th chunk
+  std::uint32_t chunk_lanes = 0, chunks = 0, slots = 0;  // slots: scratch places, each takes chunk after chunk
   std::uint32_t most_particles = 0;
   KnotGrid grid;                            // points at the two arrays below
   float* row_low = nullptr;                 // (rows)
@@ -139,7 +140,8 @@ struct Sampler {
   float* particle_penalty = nullptr;  // likewise; null unless penalised
   float* own_knots = nullptr;         // (slots x rows x chunk_lanes) of one particle; null unless the method branches
   float* trajectory = nullptr;        // (slots x (horizon + 1) * nx x chunk_lanes) likewise
-  std::uint32_t* aborted = nullptr;   // (slots)
+  std::atomic<std::uint32_t> next_chunk{0};  // that no slot has taken yet
+  std::atomic<bool> aborted{false};          // by the deadline
   // The least penalty of any sample on each particle. Costs come less these: a limit that every sample violates alike,
   // with a weight of 1e12 say, would else leave no digit of single precision for what tells the samples apart.
   float* least_penalty = nullptr;  // (M)

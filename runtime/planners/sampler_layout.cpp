@@ -96,7 +96,6 @@ void take_arrays(Arena& arena, const Sizes& z, std::uint32_t inputs, Sampler& s)
   s.keeps_costs = z.penalised || z.branching;
   const std::size_t places = s.keeps_costs ? z.chunks : z.slots;
   s.particle_cost = arena.take<float>(places * z.particles * z.chunk_lanes);
-  s.aborted = arena.take<std::uint32_t>(z.slots);
   if (z.branching) {
     s.own_knots = arena.take<float>(std::size_t{z.slots} * z.rows * z.chunk_lanes);
     s.trajectory = arena.take<float>(std::size_t{z.slots} * (z.horizon + 1) * z.states * z.chunk_lanes);

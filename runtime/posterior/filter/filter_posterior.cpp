@@ -149,6 +149,7 @@ ShoveWatch::Verdict FilterPosterior::watch(const Observation& seen) {
 void FilterPosterior::take_back() {
   for (std::uint32_t i = 0; i < kRows * particles_.n(); ++i) particles_.sums[i] -= particles_.recent[i];
   evidence_.take_back(suspect_count_);
+  weigh(0, particles_.n());
 }
 
 /// All filters go on from where the one is that looks out for sudden forces, in a window that begins there: what is
@@ -170,6 +171,7 @@ void FilterPosterior::correct(const Observation& seen, bool suspicious) {
   std::memcpy(particles_.scratch_row(2), particles_.sums, sizeof(double) * kRows * n);
   forget(seen);
   const double counted = evidence_.counted();
+  evidence_.count(seen.measured, filter_.ny(), seen.weight);
   for (std::uint32_t i = 0; suspicious && i < kRows * n; ++i) particles_.recent[i] -= particles_.sums[i];
   for_each_chunk(hooks_, particles_.chunks(), n >= kWorthThreads, [&](std::uint32_t c) {
     CorrectJob job = filter_.correct_job(seen.measured, chunks_[c]);
@@ -178,11 +180,16 @@ void FilterPosterior::correct(const Observation& seen, bool suspicious) {
     job.squared_error = particles_.sums + ScaleEvidence::kSquared * n + c * kLanes;
     job.log_variance = particles_.sums + ScaleEvidence::kLogs * n + c * kLanes;
     filter_.correct(job);
+    weigh(c * kLanes, kLanes);
   });
-  evidence_.count(seen.measured, filter_.ny(), seen.weight);
   if (!suspicious) return;
   for (std::uint32_t i = 0; i < kRows * n; ++i) particles_.recent[i] += particles_.sums[i];
   suspect_count_ += evidence_.counted() - counted;
+}
+
+/// What the sums of some particles say of them, into the row that reweight() reads.
+void FilterPosterior::weigh(std::uint32_t first, std::uint32_t count) {
+  evidence_.log_likelihood(count, particles_.sums + first, particles_.n(), particles_.scratch_row(1) + first);
 }
 
 /// Everything but the prior loses its share; the transition that is being taken in does not.
@@ -202,7 +209,6 @@ tiller_status_t FilterPosterior::reweight(const Observation& seen) {
   const std::uint32_t n = cloud.n;
   double *base = particles_.scratch_row(0), *gain = particles_.scratch_row(1);
   const double* before = particles_.scratch_row(2);
-  evidence_.log_likelihood(n, particles_.sums, n, gain);
   bool any_finite = false, any_dead = false;
   for (std::uint32_t i = 0; i < n; ++i) {
     const bool alive = std::isfinite(gain[i]) && std::isfinite(cloud.log_weight[i]);

@@ -69,6 +69,7 @@ class FilterPosterior final : public Posterior {
   void predict(const Observation& seen);
   ShoveWatch::Verdict watch(const Observation& seen);
   void correct(const Observation& seen, bool suspicious);
+  void weigh(std::uint32_t first, std::uint32_t count);
   void take_back();
   void go_on_pushed();
   void forget(const Observation& seen);
