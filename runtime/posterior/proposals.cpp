@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <type_traits>
 
 #include "core/rng.hpp"
 #include "tiller/math.hpp"
@@ -29,24 +30,44 @@ constexpr double kFlat = 1e-10;
 /// Random numbers of coordinate steps, apart from others of the same stream.
 constexpr std::uint64_t kWidening = std::uint64_t{1} << 60;
 
+/// Mean (d) and lower triangle (d x d) of the covariance of the particles that stand still. Where compilers know d the
+/// sums stay in registers: in memory each would wait for the one before, and the whole cloud for this one thread.
+template <class Count>
+void sum_moments(const Cloud& cloud, std::uint32_t first_still, std::uint32_t still, Count d, double* mean,
+                 double* square) {
+  constexpr std::uint32_t kMost = std::is_same_v<Count, std::uint32_t> ? kMaxCoordinates : Count();
+  const std::uint32_t n = cloud.n;
+  const auto next = [n](std::uint32_t i) { return i + 1 < n ? i + 1 : 0; };
+  double sum = 0.0, means[kMost] = {}, squares[kMost][kMost] = {};
+  for (std::uint32_t k = 0, i = first_still; k < still; ++k, i = next(i)) {
+    sum += cloud.weight[i];
+    for (std::uint32_t j = 0; j < d; ++j) means[j] += cloud.weight[i] * cloud.coordinate[j * n + i];
+  }
+  for (std::uint32_t j = 0; j < d; ++j) means[j] /= sum;
+  for (std::uint32_t k = 0, i = first_still; k < still; ++k, i = next(i)) {
+    const double share = cloud.weight[i] / sum;
+    double off[kMost];
+    for (std::uint32_t j = 0; j < d; ++j) off[j] = cloud.coordinate[j * n + i] - means[j];
+    for (std::uint32_t r = 0; r < d; ++r)
+      for (std::uint32_t c = 0; c <= r; ++c) squares[r][c] += share * off[r] * off[c];
+  }
+  for (std::uint32_t r = 0; r < d; ++r) {
+    mean[r] = means[r];
+    for (std::uint32_t c = 0; c <= r; ++c) square[r * d + c] = squares[r][c];
+  }
+}
+
 /// Mean (d) and lower Cholesky factor (d x d) of the covariance of the particles that stand still. False:
 /// they do not span all dimensions.
 bool spread(const Cloud& cloud, std::uint32_t first_still, std::uint32_t still, double* mean, double* factor) {
-  const std::uint32_t n = cloud.n, d = cloud.d;
-  double sum = 0.0;
-  std::fill(mean, mean + d, 0.0);
-  for (std::uint32_t k = 0, i = first_still; k < still; ++k, i = i + 1 < n ? i + 1 : 0) {
-    sum += cloud.weight[i];
-    for (std::uint32_t j = 0; j < d; ++j) mean[j] += cloud.weight[i] * cloud.coordinate[j * n + i];
-  }
-  for (std::uint32_t j = 0; j < d; ++j) mean[j] /= sum;
+  const std::uint32_t d = cloud.d;
   double square[kMaxCoordinates * kMaxCoordinates];
-  std::fill(square, square + std::size_t{d} * d, 0.0);
-  for (std::uint32_t k = 0, i = first_still; k < still; ++k, i = i + 1 < n ? i + 1 : 0) {
-    double off[kMaxCoordinates];
-    for (std::uint32_t j = 0; j < d; ++j) off[j] = cloud.coordinate[j * n + i] - mean[j];
-    for (std::uint32_t r = 0; r < d; ++r)
-      for (std::uint32_t c = 0; c <= r; ++c) square[r * d + c] += cloud.weight[i] / sum * off[r] * off[c];
+  const auto sum = [&](auto count) { sum_moments(cloud, first_still, still, count, mean, square); };
+  switch (d) {
+    case 2: sum(std::integral_constant<std::uint32_t, 2>()); break;
+    case 3: sum(std::integral_constant<std::uint32_t, 3>()); break;
+    case 4: sum(std::integral_constant<std::uint32_t, 4>()); break;
+    default: sum(d);
   }
   bool whole = true;
   for (std::uint32_t r = 0; r < d; ++r) {
