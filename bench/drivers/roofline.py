@@ -120,7 +120,7 @@ for lanes, steps in ((1_000_000, 1), (20_000, 50)):
 def bare(text):
     """The robot without effects, by the cheapest integrator: the least that a step may take."""
     text = re.sub(r"^\[\[effects\]\]\n(?:[^\[\n].*\n)*", "", text, flags=re.M)
-    return text.replace('integrator = "rk4"', 'integrator = "semi_implicit_euler"')
+    return text.replace('integrator = "rk4"', 'integrator = "semi_implicit_euler"\nsubsteps = 1')
 
 
 def batches(rounds):

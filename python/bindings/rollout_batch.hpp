@@ -7,6 +7,7 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <memory>
 #include <mutex>
@@ -176,17 +177,11 @@ class Batch {
     if (cost_)
       std::copy(cost, cost + lanes, out_ + at);
     else
-      store(own.way.data(), rows, lanes, out_ + at * rows);
+      turn(own.way.data(), kLanes, rows, lanes, out_ + at * rows, rows);
   }
 
-  /// One row for each lane from rows of kLanes. Few lanes at once: what is written goes on where it was.
-  static void store(const T* from, std::size_t rows, std::size_t lanes, T* to) {
-    constexpr std::size_t kSide = 64 / sizeof(T);
-    for (std::size_t l = 0; l < lanes; l += kSide)
-      turn(from + l, kLanes, rows, std::min(kSide, lanes - l), to + l * rows, rows);
-  }
-
-  /// `to` (wide x high) is `from` (high x wide) turned, in squares that compilers keep in registers.
+  /// `to` (wide x high) is `from` (high x wide) turned, square by square: along `from`, so that many rows of `to` are
+  /// written at a time, which is a third quicker than few.
   static void turn(const T* from, std::size_t from_stride, std::size_t high, std::size_t wide, T* to,
                    std::size_t to_stride) {
     const std::size_t whole_high = high / kSquare * kSquare, whole_wide = wide / kSquare * kSquare;
@@ -197,13 +192,36 @@ class Batch {
       for (std::size_t i = j < whole_wide ? whole_high : 0; i < high; ++i)
         to[j * to_stride + i] = from[i * from_stride + j];
   }
-  static constexpr std::size_t kSquare = 4;
+  /// The sides of a square: a register of every 64-bit processor. By itself GCC fetches each number alone.
+  static constexpr std::size_t kSquare = 16 / sizeof(T);
   static void turn_square(const T* from, std::size_t from_stride, T* to, std::size_t to_stride) {
-    T square[kSquare][kSquare];
-    for (std::size_t i = 0; i < kSquare; ++i)
-      for (std::size_t j = 0; j < kSquare; ++j) square[j][i] = from[i * from_stride + j];
-    for (std::size_t j = 0; j < kSquare; ++j)
-      for (std::size_t i = 0; i < kSquare; ++i) to[j * to_stride + i] = square[j][i];
+    typedef T Row __attribute__((vector_size(16)));
+    Row rows[kSquare];
+    for (std::size_t i = 0; i < kSquare; ++i) std::memcpy(&rows[i], from + i * from_stride, sizeof(Row));
+    if constexpr (kSquare == 4) {
+      const Row a = zip<0>(rows[0], rows[2]), b = zip<1>(rows[0], rows[2]);
+      const Row c = zip<0>(rows[1], rows[3]), d = zip<1>(rows[1], rows[3]);
+      rows[0] = zip<0>(a, c), rows[1] = zip<1>(a, c), rows[2] = zip<0>(b, d), rows[3] = zip<1>(b, d);
+    } else {
+      const Row a = rows[0];
+      rows[0] = zip<0>(a, rows[1]), rows[1] = zip<1>(a, rows[1]);
+    }
+    for (std::size_t j = 0; j < kSquare; ++j) std::memcpy(to + j * to_stride, &rows[j], sizeof(Row));
+  }
+  /// The first halves of two rows by turns; kHalf = 1: the second ones.
+  template <int kHalf, class Row>
+  static Row zip(Row a, Row b) {
+#if __has_builtin(__builtin_shufflevector)
+    if constexpr (kSquare == 4)
+      return __builtin_shufflevector(a, b, 2 * kHalf, 2 * kHalf + 4, 2 * kHalf + 1, 2 * kHalf + 5);
+    else
+      return __builtin_shufflevector(a, b, kHalf, kHalf + 2);
+#else
+    Row zipped;
+    constexpr std::size_t kFirst = kHalf * kSquare / 2;
+    for (std::size_t i = 0; i < kSquare / 2; ++i) zipped[2 * i] = a[kFirst + i], zipped[2 * i + 1] = b[kFirst + i];
+    return zipped;
+#endif
   }
 
   const Robot& robot_;
