@@ -1,4 +1,5 @@
 // What ./dev bench roofline measures of one instruction set, that of TILLER_ISA: lines of JSON for drivers/roofline.py.
+// --sets prints those that are built and that the processor has.
 //
 // Time is the least of many calls. Work is counted, not reckoned: the same call runs once more in single steps, and how
 // often each instruction of the program was executed goes into the line; the driver weighs them by their text. On
@@ -53,7 +54,7 @@ double least_seconds(const std::function<void()>& call) {
 
 constexpr int kChains = 12;  // fused multiply-adds that wait for nobody: latency of four, two a cycle, and some
 constexpr long kRounds = 200000;
-constexpr std::size_t kNear = 16 * 1024, kFar = 256u << 20;  // bytes: half of a first-level cache; beyond the last one
+constexpr std::size_t kNear = 16 * 1024, kFar = 64u << 20;  // bytes: half of a first-level cache; beyond the last one
 
 /// Operations in flight, and copies near by, in the registers of one instruction set.
 #define TILLER_PEAKS(isa, flags, Register, set, fused, load, store)                        \
@@ -275,7 +276,12 @@ std::vector<Kernel> kernels() {
 
 }  // namespace
 
-int main() {
+int main(int argc, char** argv) {
+  if (argc > 1 && std::strcmp(argv[1], "--sets") == 0) {
+    for (int i = 1; i < kIsaCount; ++i)
+      if (has_isa(static_cast<Isa>(i))) std::printf("%s ", isa_name(static_cast<Isa>(i)));
+    return 0;
+  }
   executed = static_cast<std::uint32_t*>(mmap(nullptr, text_size() * sizeof *executed, PROT_READ | PROT_WRITE,
                                               MAP_PRIVATE | MAP_ANONYMOUS, -1, 0));
   struct sigaction action = {};
