@@ -107,8 +107,9 @@ void print_peaks() {
                       });
   std::vector<char> from(kFar, 1), to(kFar, 2);
   const double far = 2.0 * kFar / least_seconds([&] { std::memcpy(to.data(), from.data(), kFar); });
-  std::printf("{\"isa\": \"%s\", \"f32_flops\": %.4g, \"f64_flops\": %.4g, \"near_bytes\": %.4g, \"far_bytes\": %.4g}\n",
-              isa_name(best_isa()), fused, 0.5 * fused, near, far);
+  std::printf(
+      "{\"isa\": \"%s\", \"f32_flops\": %.4g, \"f64_flops\": %.4g, \"near_bytes\": %.4g, \"far_bytes\": %.4g}\n",
+      isa_name(best_isa()), fused, 0.5 * fused, near, far);
 }
 
 // ---- counting -------------------------------------------------------------------------------------
@@ -148,10 +149,11 @@ void print_kernel(const Kernel& kernel) {
   std::memset(executed, 0, text_size() * sizeof *executed);
   elsewhere = 0;
   run_in_single_steps(kernel.counted ? kernel.counted : kernel.call);
-  std::printf("{\"kernel\": \"%s\", \"unit\": \"%s\", \"seconds\": %.6g, \"doubles\": %s, \"far_bytes\": %.6g, "
-              "\"counted\": %.6g, \"elsewhere\": %u, \"executed\": {",
-              kernel.name.c_str(), kernel.unit.c_str(), s / kernel.units, kernel.doubles ? "true" : "false",
-              kernel.far_bytes / kernel.units, kernel.counted ? kernel.counted_units : kernel.units, elsewhere);
+  std::printf(
+      "{\"kernel\": \"%s\", \"unit\": \"%s\", \"seconds\": %.6g, \"doubles\": %s, \"far_bytes\": %.6g, "
+      "\"counted\": %.6g, \"elsewhere\": %u, \"executed\": {",
+      kernel.name.c_str(), kernel.unit.c_str(), s / kernel.units, kernel.doubles ? "true" : "false",
+      kernel.far_bytes / kernel.units, kernel.counted ? kernel.counted_units : kernel.units, elsewhere);
   const char* comma = "";
   for (std::size_t i = 0; i < text_size(); ++i)
     if (executed[i] > 0) {
@@ -218,20 +220,31 @@ Kernel batch_kernel() {
   constexpr std::uint32_t kStates = 1u << 20, kFew = 1024;
   auto many = std::make_shared<Lanes32>(kStates, 1, tiller_integrator_semi_implicit_euler, false, true);
   auto few = std::make_shared<Lanes32>(kFew, 1, tiller_integrator_semi_implicit_euler, false, true);
-  return {"batched step, a million states", "step",       double(kStates), false, 9.0 * sizeof(float) * kStates,
-          [many] { many->roll(); },         [few] { few->roll(); }, double(kFew)};
+  return {"batched step, a million states",
+          "step",
+          double(kStates),
+          false,
+          9.0 * sizeof(float) * kStates,
+          [many] { many->roll(); },
+          [few] { few->roll(); },
+          double(kFew)};
 }
 
 /// All filters of the particles by one transition, without moves.
 Kernel filter_kernel() {
   auto subject = std::make_shared<bench::PosteriorSubject>(256, 64, 0);
   subject->warm_up();
-  return {"filters' update, 4 states", "filter", 256.0, true, 0.0,
+  return {"filters' update, 4 states",
+          "filter",
+          256.0,
+          true,
+          0.0,
           [subject] {
             if (subject->at_end()) subject->warm_up();
             subject->update();
           },
-          {}, 0.0};
+          {},
+          0.0};
 }
 
 Kernel ilqr_kernel() {
@@ -265,11 +278,13 @@ std::vector<Kernel> kernels() {
   std::vector<Kernel> all;
   all.push_back(rollout_kernel("rollout step, semi-implicit", tiller_integrator_semi_implicit_euler, false));
   all.push_back(rollout_kernel("rollout step, RK4", tiller_integrator_rk4, false));
-  all.push_back(rollout_kernel("rollout step, semi-implicit, two frictions", tiller_integrator_semi_implicit_euler, true));
+  all.push_back(
+      rollout_kernel("rollout step, semi-implicit, two frictions", tiller_integrator_semi_implicit_euler, true));
   all.push_back(batch_kernel());
   all.push_back(filter_kernel());
   all.push_back(ilqr_kernel());
-  all.push_back({"Riccati sweep, 12 states, 4 inputs", "stage", 10.0, true, 0.0, [hover] { hover->factorise(); }, {}, 0.0});
+  all.push_back(
+      {"Riccati sweep, 12 states, 4 inputs", "stage", 10.0, true, 0.0, [hover] { hover->factorise(); }, {}, 0.0});
   all.push_back({"hover QP from cold, N = 10", "program", 1.0, true, 0.0, [hover] { hover->solve(); }, {}, 0.0});
   return all;
 }
@@ -282,8 +297,8 @@ int main(int argc, char** argv) {
       if (has_isa(static_cast<Isa>(i))) std::printf("%s ", isa_name(static_cast<Isa>(i)));
     return 0;
   }
-  executed = static_cast<std::uint32_t*>(mmap(nullptr, text_size() * sizeof *executed, PROT_READ | PROT_WRITE,
-                                              MAP_PRIVATE | MAP_ANONYMOUS, -1, 0));
+  executed = static_cast<std::uint32_t*>(
+      mmap(nullptr, text_size() * sizeof *executed, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0));
   struct sigaction action = {};
   action.sa_sigaction = note_step;
   action.sa_flags = SA_SIGINFO;

@@ -52,7 +52,8 @@ class Recorder {
 
   /// The phases of work(), each time the least of `repeats`; prepare() comes before each, untimed.
   /// A piece is cut at every `looks`-th look at the clock; 0: it is whole.
-  std::vector<Phase> measure(int repeats, std::size_t looks, const std::function<void()>& prepare, const std::function<void()>& work) {
+  std::vector<Phase> measure(int repeats, std::size_t looks, const std::function<void()>& prepare,
+                             const std::function<void()>& work) {
     std::vector<Phase> least;
     looks_each_ = looks;
     for (int i = 0; i < repeats; ++i) {
@@ -173,9 +174,8 @@ std::vector<Case> cases() {
   const struct {
     const char* name;
     std::uint32_t kind;
-  } kinds[] = {{"mppi", tiller_planner_mppi},
-               {"cem", tiller_planner_cem},
-               {"random_shooting", tiller_planner_random_shooting}};
+  } kinds[] = {
+      {"mppi", tiller_planner_mppi}, {"cem", tiller_planner_cem}, {"random_shooting", tiller_planner_random_shooting}};
   for (const auto& k : kinds) {
     const std::string name = k.name;
     all.push_back(plan_case(name + " K=1536 N=50 M=1 x 1", false, planner_config(k.kind, 1536, 50, 1, 1)));

@@ -215,7 +215,10 @@ double rehearse(const Stepper& stepper, const Guides& guides, Rng& rng, Rng& wid
 
 Proposer::Proposer(const Cloud& cloud, std::uint64_t tick, std::uint32_t cursor, std::uint32_t moves,
                    const Guides* guides)
-    : cloud_(cloud), cursor_(cursor), guides_(guides), stepper_(cloud, tick, (cursor + moves) % cloud.n, cloud.n - moves) {
+    : cloud_(cloud),
+      cursor_(cursor),
+      guides_(guides),
+      stepper_(cloud, tick, (cursor + moves) % cloud.n, cloud.n - moves) {
   if (guides == nullptr) return;
   // anew in every tick: a walk judged by what its particle was fitted to would not leave the target as it is
   guides->shape->clear();
