@@ -1,5 +1,6 @@
 #pragma once
 
+#include "scalar/inline.hpp"
 #include "tiller/scalar.hpp"
 
 namespace tiller {
@@ -49,7 +50,7 @@ S yield(const JointStep<S>& in) {
 /// time stepping) errs there by level dt, which in a record of 10 ms periods is what a fit sees. Bounded by the level,
 /// so stable at any step. A level that is the constant 0 gives 0, without derivatives, at rest as well.
 template <class S, class Level>
-S dry_friction(const JointStep<S>& in, const Level& level) {
+TILLER_INLINE S dry_friction(const JointStep<S>& in, const Level& level) {
   const S way = copysign(S(1.0), in.velocity), speed = abs(in.velocity), forward = way * in.free;
   const S first = level(way, speed);
   const S against = level(way, S(0.5) * (speed + max(forward - in.gain * first, S(0.0))));

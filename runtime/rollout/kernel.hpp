@@ -104,19 +104,21 @@ struct Kernel {
   }
 
   /// The whole horizon of kRegisters registers beginning at `lane`.
-  /// kExtra: the cost may have more than its quadratic terms.
+  /// kExtra: the cost may have more than its quadratic terms. registers: how many of them there are; with effects all.
   template <class T, int kRegisters, bool kEffects, bool kSplat, bool kExtra, tiller_integrator_t kIntegrator>
-  static void roll(const Stepper<Model, Pack<T>>& stepper, const RolloutJob<T>& job, std::uint32_t lane) {
+  static void roll(const Stepper<Model, Pack<T>>& stepper, const RolloutJob<T>& job, std::uint32_t lane,
+                   std::uint32_t registers) {
     using P = Pack<T>;
     using Input = typename Model::template Input<P>;
     const StepSetup& setup = *job.setup;
+    const int count = kEffects || registers > kRegisters ? kRegisters : static_cast<int>(registers);
     Trajectory<Model, P> t[kRegisters];
     constexpr int kParameterSets = kSplat ? 1 : kRegisters;  // NOLINT(bugprone-branch-clone): equal for one register
     Parameters<Model, P> p[kParameterSets];
     Input before[kRegisters], commands[kRegisters];
     P cost[kRegisters], penalties[kRegisters];
     [[maybe_unused]] Turn<P> kept[kParameterSets];  // of forces that fade
-    for (int r = 0; r < kRegisters; ++r) {
+    for (int r = 0; r < count; ++r) {
       const std::uint32_t at = lane + static_cast<std::uint32_t>(r * P::width);
       load_fields<P, P>(t[r].x, Model::nx(), job.state, 0, at);
       if (!kSplat || r == 0) {
@@ -141,7 +143,7 @@ struct Kernel {
       for (int r = 0; setup.fading > 0 && r < kParameterSets; ++r) kept[r] = turn_after(Model{}, setup, p[r], P(1.0));
     }
     for (std::uint32_t step = 0; step < job.horizon; ++step) {
-      for (int r = 0; r < kRegisters; ++r) {
+      for (int r = 0; r < count; ++r) {
         const std::uint32_t at = lane + static_cast<std::uint32_t>(r * P::width);
         const auto& params = p[kSplat ? 0 : r];
         if (job.trajectory)
@@ -158,12 +160,11 @@ struct Kernel {
           if (kExtra && job.penalty_out) penalties[r] = penalties[r] + penalty<P>(job, t[r].x, params.model);
           before[r] = u;
         }
-        if constexpr (kEffects)
-          commands[r] = u;
-        else
-          stepper.template advance_bare<kIntegrator>(t[r].x, u, params.model);
+        commands[r] = u;
       }
-      if constexpr (kEffects) {
+      if constexpr (!kEffects) {
+        stepper.template advance_bare<kIntegrator, kRegisters>(t, commands, p[0].model, count);
+      } else {
         const auto past = [&](int r, int age, int input) {
           const int then = static_cast<int>(step) - age;
           return then >= 0 ? load_row<P>(job.controls, then * kInputs + input,
@@ -174,10 +175,10 @@ struct Kernel {
         for (int r = 0; setup.fading > 0 && r < kParameterSets; ++r) fade(Model{}, setup, kept[r], p[r]);
       }
       if (kExtra && job.noise.data)
-        for (int r = 0; r < kRegisters; ++r)
+        for (int r = 0; r < count; ++r)
           add_noise<P>(job, step, lane + static_cast<std::uint32_t>(r * P::width), t[r].x);
     }
-    for (int r = 0; r < kRegisters; ++r) {
+    for (int r = 0; r < count; ++r) {
       const std::uint32_t at = lane + static_cast<std::uint32_t>(r * P::width);
       if (job.cost && job.cost_out) {
         const P last = kExtra && !job.cost->only_quadratic()
@@ -200,11 +201,14 @@ struct Kernel {
   template <class T, int kRegisters, bool kEffects, bool kSplat, bool kExtra, tiller_integrator_t kIntegrator>
   static void roll_all(const RolloutJob<T>& job) {
     const Stepper<Model, Pack<T>> stepper({}, *job.setup, job.period_s > 0.0 ? job.period_s : job.setup->period_s);
-    constexpr std::uint32_t kWidth = static_cast<std::uint32_t>(Pack<T>::width);
+    constexpr std::uint32_t kWidth = static_cast<std::uint32_t>(Pack<T>::width), kBlock = kRegisters * kWidth;
+    constexpr bool kSingles = kEffects && kLanePadding % kBlock != 0;  // behind the last whole block
     std::uint32_t lane = 0;
-    for (; lane + kRegisters * kWidth <= job.lanes; lane += kRegisters * kWidth)
-      roll<T, kRegisters, kEffects, kSplat, kExtra, kIntegrator>(stepper, job, lane);
-    for (; lane < job.lanes; lane += kWidth) roll<T, 1, kEffects, kSplat, kExtra, kIntegrator>(stepper, job, lane);
+    for (; kSingles ? lane + kBlock <= job.lanes : lane < job.lanes; lane += kBlock)
+      roll<T, kRegisters, kEffects, kSplat, kExtra, kIntegrator>(stepper, job, lane,
+                                                                 (job.lanes - lane + kWidth - 1) / kWidth);
+    if constexpr (kSingles)
+      for (; lane < job.lanes; lane += kWidth) roll<T, 1, kEffects, false, kExtra, kIntegrator>(stepper, job, lane, 1);
   }
 
   template <bool kExtra>
@@ -222,8 +226,9 @@ struct Kernel {
   /// Planning without effects is the path worth a copy per integrator, where it is more than the equations' calls;
   /// everything else shares one.
   static void rollout_f32(const tiller_model_t&, const RolloutJob<float>& job) {
-    if (Model::kLongDynamics || job.setup->effect_count > 0 || slips<Model>(*job.setup) || !job.params.splat())
-      return roll_all<float, kTogether_f32, true, false, true, tiller_integrator_rk4>(job);
+    if (!job.params.splat()) return roll_all<float, kTogether_f32, true, false, true, tiller_integrator_rk4>(job);
+    if (Model::kLongDynamics || job.setup->effect_count > 0 || slips<Model>(*job.setup))
+      return roll_all<float, kTogether_f32, true, (kTogether_f32 > 1), true, tiller_integrator_rk4>(job);
     if constexpr (!Model::kLongDynamics) {
       const bool extra =
           job.feedback || job.noise.data || (job.cost && (!job.cost->only_quadratic() || job.penalty_out));

@@ -311,8 +311,8 @@ struct StaticModel {
   /// along that force. A difference of two calls would lose it to rounding in f32 where other forces are large; and of
   /// the sparse dual only the inertia is left to compute, everything that does not depend on the force falls away.
   template <class S, int J>
-  static TILLER_FLATTENED void force_response(const State<S>& x, const Input<S>& u, const Force<S>& f,
-                                              const Body<S>& body, const Params<S>& p, Index<J> j, S* column) {
+  static TILLER_INLINE void force_response(const State<S>& x, const Input<S>& u, const Force<S>& f, const Body<S>& body,
+                                           const Params<S>& p, Index<J> j, S* column) {
     using D = SparseDual<S>;
     State<D> xd;
     Input<D> ud;

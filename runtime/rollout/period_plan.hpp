@@ -63,20 +63,20 @@ struct RegisterPlan {
   int part_count[kKept];                     // those behind are empty in all lanes
 };
 
-/// A part of kCount registers.
-template <class Model, class S>
+/// A part of the registers that go through a period together. kSets is 1 where they share parameters.
+template <class Model, class S, int kSets = 1>
 struct PartOfAll {
   const RegisterPlan<Model, S>* registers;
   int at;
-  const Part<Model, S>& operator[](int r) const { return registers[r].parts[at]; }
+  const Part<Model, S>& operator[](int r) const { return registers[kSets == 1 ? 0 : r].parts[at]; }
 };
 
-/// Of registers that go through a period together. kSets is 1 where they share parameters.
+/// Of kCount registers.
 template <class Model, class S, int kCount, int kSets>
 struct PeriodPlan {
   Body<S> body[kSets];   // with what the body effects make of it
   bool turning = false;  // some input is delayed; else every substep is parts[0]
-  RegisterPlan<Model, S> registers[kCount];
+  RegisterPlan<Model, S> registers[kSets];
 };
 
 }  // namespace tiller

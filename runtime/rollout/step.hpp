@@ -128,6 +128,10 @@ struct Stepper {
     else
       return model.nx();
   }
+  /// Field by field: GCC copies a whole structure by halves of an AVX2 register, for which the next load of it waits.
+  TILLER_INLINE void assign(State& to, const State& from) const {
+    each(states(), [&](auto i) TILLER_INLINED { element(to, i) = element(from, i); });
+  }
   TILLER_INLINE State along(const State& x, const State& dx, const S& h) const {
     State next;
     each(states(), [&](auto i) TILLER_INLINED { element(next, i) = element(x, i) + h * element(dx, i); });
@@ -166,6 +170,28 @@ struct Stepper {
                          S(step.sixth) * (element(k1, i) + S(2.0) * (element(k2, i) + element(k3, i)) + element(k4, i));
     });
     return next;
+  }
+  /// Registers stage by stage, so that processors find work beside the latency of one's stages. rate(x, r) is of
+  /// register r, and step(r) its length.
+  template <int kCount, class Rate, class Step>
+  TILLER_INLINE void rk4_together(Trajectory<Model, S>* t, const Rate& rate, const Step& step,
+                                  int count = kCount) const {
+    State k1[kCount], k2[kCount], x[kCount];
+    for (int r = 0; r < count; ++r) k1[r] = rate(t[r].x, r);
+    for (int r = 0; r < count; ++r) k2[r] = rate(along(t[r].x, k1[r], S(step(r).half)), r);
+    for (int r = 0; r < count; ++r) {
+      const State k3 = rate(along(t[r].x, k2[r], S(step(r).half)), r);
+      x[r] = along(t[r].x, k3, S(step(r).h));
+      each(states(), [&](auto i) TILLER_INLINED { element(k2[r], i) = element(k2[r], i) + element(k3, i); });
+    }
+    for (int r = 0; r < count; ++r) {
+      const State k4 = rate(x[r], r);
+      each(states(), [&](auto i) TILLER_INLINED {
+        element(t[r].x, i) =
+            element(t[r].x, i) + S(step(r).sixth) * (element(k1[r], i) + S(2.0) * element(k2[r], i) + element(k4, i));
+      });
+      if constexpr (Model::kMayTurn) normalise_quaternions<Model, S>(model, t[r].x);
+    }
   }
   TILLER_INLINE State free_step(tiller_integrator_t integrator, const State& x, const Input& u, const Force& f,
                                 const Body<S>& b, const Params& p, const Length<S>& step) const {
@@ -253,11 +279,11 @@ struct Stepper {
   template <int kCount, int kSets>
   TILLER_INLINE void plan_steps(Plan<kCount, kSets>& plan, const Parameters<Model, S>* p, bool remembers) const {
     plan.turning = remembers && delayed();
-    for (int r = 0; r < kCount; ++r) {
+    for (int r = 0; r < kSets; ++r) {
       if (plan.turning)
-        plan_register(plan.registers[r], p[kSets == 1 ? 0 : r]);
+        plan_register(plan.registers[r], p[r]);
       else
-        plan_whole(plan.registers[r], p[kSets == 1 ? 0 : r]);
+        plan_whole(plan.registers[r], p[r]);
     }
   }
   /// Of a substep where nothing is delayed.
@@ -326,8 +352,9 @@ struct Stepper {
     for (int r = 0; r < kCount; ++r)
       each(inputs(), [&](auto i) TILLER_INLINED {
         InputDelay<Value>::split_at_switch([&](int age) TILLER_INLINED { return past(r, age, static_cast<int>(i)); },
-                                           static_cast<int>(setup.delay_steps), plan.registers[r].delay[i],
-                                           element(turns[r].older, i), element(turns[r].newer, i));
+                                           static_cast<int>(setup.delay_steps),
+                                           plan.registers[kSets == 1 ? 0 : r].delay[i], element(turns[r].older, i),
+                                           element(turns[r].newer, i));
       });
   }
 
@@ -381,7 +408,7 @@ struct Stepper {
   /// Input effects and force effects, before the free step.
   template <int kCount, int kSets>
   TILLER_INLINE void act(Trajectory<Model, S>* t, Input* u, Force* f, const Parameters<Model, S>* p,
-                         const PartOfAll<Model, S>& part) const {
+                         const PartOfAll<Model, S, kSets>& part) const {
     if constexpr (kSloped)
       ByArguments(*this).act(*t, *u, *f, *p, part[0].step);
     else
@@ -391,7 +418,7 @@ struct Stepper {
   }
   template <int kCount, int kSets>
   TILLER_INLINE void act_one_by_one(Trajectory<Model, S>* t, Input* u, Force* f, const Parameters<Model, S>* p,
-                                    const PartOfAll<Model, S>& part) const {
+                                    const PartOfAll<Model, S, kSets>& part) const {
     for_effects<Hook::input>([&](auto effect, const EffectSlot& slot) TILLER_INLINED {
       at_port(inputs(), slot.port, [&](auto i) TILLER_INLINED {
         for (int r = 0; r < kCount; ++r) {
@@ -487,17 +514,23 @@ struct Stepper {
       }
     } else {
       each(model.joints(), [&](auto j) TILLER_INLINED {
-        if (!((reacting >> static_cast<int>(j)) & 1u)) {  // nobody reads it; compilers cannot know
-          for (int r = 0; r < kCount; ++r) each(model.joints(), [&](auto i) { response[r][j][i] = S(0.0); });
-          return;
-        }
-        for (int r = 0; r < kCount; ++r) {
-          State middle;
-          each(model.nx(), [&](auto i) { middle[i] = S(0.5) * (begin[r][i] + t[r].x[i]); });
-          model.template force_response<S>(middle, u[r], f[r], bodies[kSets == 1 ? 0 : r], p[kSets == 1 ? 0 : r].model,
-                                           j, response[r][j]);
-        }
+        if ((reacting >> static_cast<int>(j)) & 1u)
+          return respond_at<kCount, kSets>(response, begin, t, u, f, p, bodies, j);
+        // nobody reads it; compilers cannot know
+        for (int r = 0; r < kCount; ++r) each(model.joints(), [&](auto i) { response[r][j][i] = S(0.0); });
       });
+    }
+  }
+  /// Out of line, so that all registers share its constants.
+  template <int kCount, int kSets, class J>
+  TILLER_FLATTENED void respond_at(Response* response, const State* begin, const Trajectory<Model, S>* t,
+                                   const Input* u, const Force* f, const Parameters<Model, S>* p, const Body<S>* bodies,
+                                   J j) const {
+    for (int r = 0; r < kCount; ++r) {
+      State middle;
+      each(model.nx(), [&](auto i) { middle[i] = S(0.5) * (begin[r][i] + t[r].x[i]); });
+      model.template force_response<S>(middle, u[r], f[r], bodies[kSets == 1 ? 0 : r], p[kSets == 1 ? 0 : r].model, j,
+                                       response[r][j]);
     }
   }
 
@@ -523,7 +556,7 @@ struct Stepper {
   /// the accelerations of the free step and what later effects feel.
   template <int kCount, int kSets>
   TILLER_INLINE void weigh_down(State* begin, Trajectory<Model, S>* t, Response* response,
-                                const Parameters<Model, S>* p, const PartOfAll<Model, S>& part) const {
+                                const Parameters<Model, S>* p, const PartOfAll<Model, S, kSets>& part) const {
     constexpr int kList = static_cast<int>(Hook::inertia);
     for (std::uint32_t e = 0; e < slot_count[kList]; ++e) {
       const EffectSlot& slot = slots[kList][e];
@@ -557,7 +590,7 @@ struct Stepper {
   template <int kCount, int kSets>
   TILLER_INLINE void react(State* begin, Trajectory<Model, S>* t, Input* u, const Input* goals,
                            const Response* response, const Parameters<Model, S>* p,
-                           const PartOfAll<Model, S>& part) const {
+                           const PartOfAll<Model, S, kSets>& part) const {
     const int sweeps = (dissipating & (dissipating - 1)) != 0 ? kSweeps : 1;  // two joints or more
     S pushes[kCount][kMostSwept];                                             // of the sweeps so far
     for (int sweep = 0; sweep < sweeps; ++sweep) {
@@ -606,7 +639,7 @@ struct Stepper {
   template <int kCount, int kSets>
   __attribute__((noinline)) void carry_others(const State* free, Trajectory<Model, S>* t, const Input* u,
                                               const Force* f, const Parameters<Model, S>* p, const Body<S>* bodies,
-                                              const PartOfAll<Model, S>& part) const {
+                                              const PartOfAll<Model, S, kSets>& part) const {
     const std::uint32_t others = model.others();
     if (others == 0) return;
     for (int r = 0; r < kCount; ++r) {
@@ -630,14 +663,21 @@ struct Stepper {
   template <int kCount, int kSets, tiller_integrator_t kIntegrator>
   TILLER_INLINE void free_steps(State* begin, Trajectory<Model, S>* t, const Input* u, const Force* f,
                                 const Parameters<Model, S>* p, const Body<S>* bodies,
-                                const PartOfAll<Model, S>& part) const {
-    // a copy of its own stays in registers, but not with derivatives
-    using Start = std::conditional_t<std::is_same<S, Value>::value, const State, const State&>;
+                                const PartOfAll<Model, S, kSets>& part) const {
+    if constexpr (kIntegrator == tiller_integrator_rk4 && kSets < kCount) {
+      for (int r = 0; r < kCount; ++r) assign(begin[r], t[r].x);
+      rk4_together<kCount>(
+          t,
+          [&](const State& x, int r) TILLER_INLINED {
+            return model.template dynamics<S>(x, u[r], f[r], bodies[kSets == 1 ? 0 : r], p[kSets == 1 ? 0 : r].model);
+          },
+          [&](int r) TILLER_INLINED -> const Length<S>& { return part[r].step; });
+      return;
+    }
     for (int r = 0; r < kCount; ++r) {
-      begin[r] = t[r].x;
-      Start x = begin[r];
-      t[r].x =
-          free_step(kIntegrator, x, u[r], f[r], bodies[kSets == 1 ? 0 : r], p[kSets == 1 ? 0 : r].model, part[r].step);
+      assign(begin[r], t[r].x);
+      assign(t[r].x, free_step(kIntegrator, begin[r], u[r], f[r], bodies[kSets == 1 ? 0 : r],
+                               p[kSets == 1 ? 0 : r].model, part[r].step));
     }
   }
 
@@ -660,7 +700,8 @@ struct Stepper {
   /// free(begin, u, f): the free steps, which leave in `begin` where they began.
   template <int kCount, int kSets, class Free>
   TILLER_INLINE void substep_with(Trajectory<Model, S>* t, Input* u, const Parameters<Model, S>* p,
-                                  const Body<S>* bodies, const PartOfAll<Model, S>& part, const Free& free) const {
+                                  const Body<S>* bodies, const PartOfAll<Model, S, kSets>& part,
+                                  const Free& free) const {
     Force f[kCount];
     State begin[kCount];
     for (int r = 0; r < kCount; ++r) f[r] = no_force();
@@ -683,7 +724,7 @@ struct Stepper {
   }
   template <int kCount, int kSets>
   TILLER_INLINE void substep_all(Trajectory<Model, S>* t, Input* u, const Parameters<Model, S>* p,
-                                 const Body<S>* bodies, const PartOfAll<Model, S>& part) const {
+                                 const Body<S>* bodies, const PartOfAll<Model, S, kSets>& part) const {
     substep_with<kCount, kSets>(t, u, p, bodies, part, [&](State* begin, const Input*, const Force* f) TILLER_INLINED {
       const auto take = [&](auto integrator) TILLER_INLINED {
         constexpr auto kIntegrator = static_cast<tiller_integrator_t>(integrator.value);
@@ -714,11 +755,11 @@ struct Stepper {
     for (std::uint32_t k = 0; k < setup.substeps; ++k) {
       const int kept = plan.turning ? kept_as(k) : 0;
       int count = 0;
-      for (int r = 0; r < kCount; ++r) {
-        if (plan.turning && plans_anew()) plan_parts(plan.registers[r], p[kSets == 1 ? 0 : r], k);
+      for (int r = 0; r < kSets; ++r) {
+        if (plan.turning && plans_anew()) plan_parts(plan.registers[r], p[r], k);
         if (plan.registers[r].part_count[kept] > count) count = plan.registers[r].part_count[kept];
       }
-      for (int i = 0; i < count; ++i) visit(PartOfAll<Model, S>{plan.registers, kept * OnePlan::kMostParts + i});
+      for (int i = 0; i < count; ++i) visit(PartOfAll<Model, S, kSets>{plan.registers, kept * OnePlan::kMostParts + i});
     }
   }
   /// One period, as planned. `past` as in split_at_switch(), or NoPast: no input is delayed.
@@ -735,7 +776,7 @@ struct Stepper {
       CommandSwitch<Model, S> turns[kCount];
       Trajectory<Model, S> before[kCount];
       if (plan.turning) split_at_switch<kCount, kSets>(turns, plan, past);
-      for_parts(plan, p, [&](const PartOfAll<Model, S>& part) TILLER_INLINED {
+      for_parts(plan, p, [&](const PartOfAll<Model, S, kSets>& part) TILLER_INLINED {
         bool stand = false;
         for (int r = 0; r < kCount; ++r) {
           acting[r] = plan.turning ? chosen(turns[r], part[r]) : commands[r];
@@ -790,6 +831,20 @@ struct Stepper {
   TILLER_INLINE void advance_bare(State& x, const Input& u, const Params& p) const {
     const Force f = no_force();
     for (std::uint32_t k = 0; k < setup.substeps; ++k) x = free_step(kIntegrator, x, u, f, p);
+  }
+  /// The first `count` of kCount registers.
+  template <tiller_integrator_t kIntegrator, int kCount>
+  TILLER_INLINE void advance_bare(Trajectory<Model, S>* t, const Input* u, const Params& p, int count) const {
+    if constexpr (kIntegrator == tiller_integrator_rk4 && kCount > 1) {
+      for (std::uint32_t k = 0; k < setup.substeps; ++k)
+        rk4_together<kCount>(
+            t,
+            [&](const State& x, int r)
+                TILLER_INLINED { return model.template dynamics<S>(x, u[r], no_force(), body, p); },
+            [&](int) TILLER_INLINED { return whole(); }, count);
+    } else {
+      for (int r = 0; r < count; ++r) advance_bare<kIntegrator>(t[r].x, u[r], p);
+    }
   }
 };
 
