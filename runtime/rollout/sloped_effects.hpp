@@ -58,6 +58,12 @@ struct SlopedEffects {
   }
   static TILLER_INLINE bool matters(const V& weight) { return any(weight != V(0.0)); }
 
+  template <class T>
+  TILLER_INLINE void load_params(const EffectSlot& slot, const Parameters<Model, D>& p, T* params) const {
+    const D* const given = step.effect_params(p, slot);
+    for (int i = 0; i < effect_info(slot.kind).param_count; ++i) params[i] = T(given[i].v);
+  }
+
   /// Parameters and states of one effect's call.
   struct Call {
     L params[kMaxEffectParams], states[kMostStates];
@@ -67,8 +73,7 @@ struct SlopedEffects {
 
     TILLER_INLINE Call(const Step& of, const EffectSlot& slot, Trajectory<Model, D>& t, const Parameters<Model, D>& p)
         : kept(t.effect_state + slot.state), state_count(effect_info(slot.kind).state_count) {
-      const D* const given = of.effect_params(p, slot);
-      for (int i = 0; i < effect_info(slot.kind).param_count; ++i) params[i] = L(given[i].v);
+      SlopedEffects(of).load_params(slot, p, params);
       for (int s = 0; s < state_count; ++s) {
         before[s] = kept[s];
         states[s] = seeded(kept[s].v, kStates + s);
@@ -107,8 +112,7 @@ struct SlopedEffects {
     Body<V> b = {body.gravity_x_m_s2.v, body.gravity_z_m_s2.v, body.payload_kg.v, body.payload_kgm2.v};
     for_slots<Hook::body>([&](const EffectSlot& slot, std::uint32_t) {
       V params[kMaxEffectParams];
-      const D* const given = step.effect_params(p, slot);
-      for (int i = 0; i < effect_info(slot.kind).param_count; ++i) params[i] = given[i].v;
+      load_params(slot, p, params);
       called_body<V>(slot.kind, b, params);
     });
     body = {D(b.gravity_x_m_s2), D(b.gravity_z_m_s2), D(b.payload_kg), D(b.payload_kgm2)};
@@ -157,27 +161,9 @@ struct SlopedEffects {
     });
   }
 
-  /// How a force follows from the joint's velocities at the start and at the end, and which part of its change acts.
-  struct ByVelocities {
-    V start, end, gain, relaxation;
-  };
-  /// Forces at the joints, all that act so far: their derivatives, and what these make of a joint's velocity.
+  /// Forces at the joints: their derivatives, and what these make of a joint's velocity.
   struct Moved {
     Derivatives at[kJoints];
-    /// Friction's case, in one pass: the force's slopes, `kept` from sweep to sweep, and their change in `at`.
-    TILLER_INLINE void push(const V (*response)[kJoints], const V& h, int j, const ByVelocities& by, const V* start,
-                            const V* end, bool first, V* kept) {
-      V weight[kJoints];
-      for (int m = 0; m < kJoints; ++m) weight[m] = h * response[m][j];
-      each_direction<kN>([&](int k) TILLER_INLINED {
-        V free = end[k];
-        for (int m = 0; m < kJoints; ++m) free = free + weight[m] * at[m].d[k];
-        const V before = first ? V(0.0) : kept[k];
-        const V change = by.relaxation * (by.start * start[k] + by.end * (free - by.gain * before) - before);
-        kept[k] = before + change;
-        at[j].d[k] = at[j].d[k] + change;
-      });
-    }
     TILLER_INLINE void velocity(const V (*response)[kJoints], const V& h, int j, Derivatives& sum) const {
       V weight[kJoints];
       for (int m = 0; m < kJoints; ++m) weight[m] = h * response[m][j];
@@ -189,9 +175,30 @@ struct SlopedEffects {
     }
   };
 
-  static TILLER_INLINE bool by_velocities(const L& force) {
-    return !matters(force.d[kPosition]) && !matters(force.d[kMiddle]) && !matters(force.d[kDrive]);
-  }
+  /// Derivatives of the swept forces where the sweeps lead to, which costs less than to follow them: every force is
+  /// linear in what the others make of its joint's velocity. Two that stick at one joint are known by their sum alone:
+  /// the first has it.
+  struct Swept {
+    V matrix[Step::kMostSwept][Step::kMostSwept];
+    Derivatives force[Step::kMostSwept];  // before solve(): at the velocities without what is swept
+    std::uint8_t joint[Step::kMostSwept];
+
+    __attribute__((noinline)) void solve(int count) {
+      for (int i = 0; i < count; ++i) {
+        V& pivot = matrix[i][i];
+        pivot = select(pivot > V(1e-9), V(1.0) / pivot, V(0.0));
+        for (int r = i + 1; r < count; ++r) {
+          const V share = -(matrix[r][i] * pivot);
+          for (int c = i + 1; c < count; ++c) matrix[r][c] = matrix[r][c] + share * matrix[i][c];
+          force[r].add(share, force[i].d);
+        }
+      }
+      for (int i = count - 1; i >= 0; --i) {
+        for (int c = i + 1; c < count; ++c) force[i].add(-matrix[i][c], force[c].d);
+        each_direction<kN>([&](int k) TILLER_INLINED { force[i].d[k] = matrix[i][i] * force[i].d[k]; });
+      }
+    }
+  };
   TILLER_INLINE void change_values(Trajectory<Model, D>& t, const V* column, const V& h, const V& share,
                                    const V& push) const {
     each(step.model.joints(), [&](auto i) {
@@ -210,36 +217,64 @@ struct SlopedEffects {
     const bool semi_implicit = step.setup.integrator == tiller_integrator_semi_implicit_euler;
     const V h = length.h, share = semi_implicit ? length.h : length.half;
     V pushes[Step::kMostSwept];  // of the sweeps so far
-    Derivatives push_slopes[Step::kMostSwept];
-    Moved moved;
-    for (auto& joint : moved.at) joint.clear();
+    Swept swept;
+    // `now`: with what is swept, as the first sweep leaves it, for those that are not and come later
+    Moved known, now;
+    bool anything = false, anything_now = false;
+    const auto remember = [&](Moved& moved, bool& moves, int j, const Derivatives& slopes) {
+      if (!moves)
+        for (auto& joint : moved.at) joint.clear();
+      moves = true;
+      moved.at[j].add(slopes.d);
+    };
+    std::uint32_t unswept = 0;  // slots from the last that is not swept on are swept
+    for_slots<Hook::dissipation>([&](const EffectSlot&, std::uint32_t at) {
+      if (step.swept_as[at] >= Step::kServes) unswept = at + 1;
+    });
     for (int sweep = 0; sweep < sweeps; ++sweep) {
-      const V relaxation(sweep == 0 || sweep == sweeps - 1 ? 1.0 : Step::kRelaxation);
+      const bool last = sweep == sweeps - 1;
+      const V relaxation(sweep == 0 || last ? 1.0 : Step::kRelaxation);
       for_slots<Hook::dissipation>([&](const EffectSlot& slot, std::uint32_t at) {
         const std::uint8_t e = step.swept_as[at];
-        if (sweep > 0 && e >= Step::kServes) return;
-        const bool serves = e == Step::kServes;
+        const bool serves = e == Step::kServes, again = sweeps > 1 && e < Step::kServes;
+        if (sweep > 0 && !again) return;
         const int j = slot.port;
         D* const q = step.model.template position<D>(begin, j);
         const D *const q_free = step.model.template position<D>(t.x, j),
                        &velocity = step.model.template velocity<D>(begin, j),
                        &free = step.model.template velocity<D>(t.x, j), drive = step.drive_force(serves ? goals : u, j);
         const V gain = h * response[j][j];
-        JointStep<L> in;
-        in.position = seeded(q ? q->v : V(0.0), kPosition);
-        in.middle = in.position;
-        if (q && !semi_implicit) in.middle = seeded(V(0.5) * (q->v + q_free->v), kMiddle);
-        in.velocity = seeded(velocity.v, kVelocity);
-        in.free = seeded(sweep > 0 ? free.v - gain * pushes[e] : free.v, kFree);
-        in.gain = L(gain);
-        in.drive = seeded(drive.v, kDrive);
-        in.dt_s = L(h);
+        const auto arguments = [&](const auto& seed) TILLER_INLINED {
+          JointStep<std::decay_t<decltype(seed(gain, kPosition))>> in;
+          in.position = seed(q ? q->v : V(0.0), kPosition);
+          in.middle = in.position;
+          if (q && !semi_implicit) in.middle = seed(V(0.5) * (q->v + q_free->v), kMiddle);
+          in.velocity = seed(velocity.v, kVelocity);
+          in.free = seed(sweep > 0 ? free.v - gain * pushes[e] : free.v, kFree);
+          in.gain = gain;
+          in.drive = seed(drive.v, kDrive);
+          in.dt_s = h;
+          return in;
+        };
+        const auto over_relax = [&](const V& force) TILLER_INLINED {
+          const V before = sweep > 0 ? pushes[e] : V(0.0), push = relaxation * (force - before);
+          pushes[e] = before + push;
+          change_values(t, response[j], h, share, push);
+        };
+        if (again && !last && (sweep > 0 || at >= unswept)) {
+          V params[kMaxEffectParams];
+          load_params(slot, p, params);
+          const auto in = arguments([](const V& value, int) { return value; });
+          return over_relax(called_force<V>(slot.kind, in, nullptr, params));
+        }
         Call call(step, slot, t, p);
-        const L out = called_force<L>(slot.kind, in, call.states, call.params);
+        const L out = called_force<L>(slot.kind, arguments(seeded), call.states, call.params);
 
+        const Moved& moved = again && last ? known : now;
+        const bool moves = again && last ? anything : anything_now;
         const auto add = [&](int argument, const V& weight, Derivatives& sum) {
           Derivatives change;
-          if (argument == kFree || argument == kMiddle) moved.velocity(response, h, j, change);
+          if (moves && (argument == kFree || argument == kMiddle)) moved.velocity(response, h, j, change);
           switch (argument) {
             case kPosition:
               if (q) sum.add(weight, q->d);
@@ -248,50 +283,50 @@ struct SlopedEffects {
             case kMiddle:
               sum.add(V(0.5) * weight, q->d);
               sum.add(V(0.5) * weight, q_free->d);
-              return sum.add(V(0.5) * weight * share, change.d);
+              if (moves) sum.add(V(0.5) * weight * share, change.d);
+              return;
             case kFree:
               sum.add(weight, free.d);
-              sum.add(weight, change.d);
-              if (sweep > 0) sum.add(-(weight * gain), push_slopes[e].d);
+              if (moves) sum.add(weight, change.d);
               return;
             default: return sum.add(weight, drive.d);
           }
         };
-        V push = out.v;
-        if (sweeps > 1 && e < Step::kServes && call.state_count == 0 && by_velocities(out)) {
-          const V before = sweep > 0 ? pushes[e] : V(0.0);
-          push = relaxation * (push - before);
-          pushes[e] = before + push;
-          moved.push(response, h, j, {out.d[kVelocity], out.d[kFree], gain, relaxation}, velocity.d, free.d, sweep == 0,
-                     push_slopes[e].d);
-          return change_values(t, response[j], h, share, push);
-        }
-        Derivatives slopes;
-        call.spread(out, slopes, add);
-        call.keep_states(add);
-        if (serves) {
-          D force = step.drive_force(u, j);
-          force.v = force.v + push;
-          each_direction<kN>([&](int k) TILLER_INLINED { force.d[k] = force.d[k] + slopes.d[k]; });
-          step.set_drive_force(u, j, force);
-        }
-        if (sweeps > 1 && e < Step::kServes) {
-          const V before = sweep > 0 ? pushes[e] : V(0.0);
-          push = relaxation * (push - before);
-          pushes[e] = before + push;
-          if (sweep == 0) push_slopes[e].clear();
-          each_direction<kN>([&](int k) TILLER_INLINED {
-            slopes.d[k] = relaxation * (slopes.d[k] - push_slopes[e].d[k]);
-            push_slopes[e].d[k] = push_slopes[e].d[k] + slopes.d[k];
+        if (again && last) {
+          swept.joint[e] = static_cast<std::uint8_t>(j);
+          call.spread(out, swept.force[e], add);
+          const V middle = V(0.5) * share * out.d[kMiddle], reach = h * (out.d[kFree] + middle);
+          for_slots<Hook::dissipation>([&](const EffectSlot& by, std::uint32_t of) {
+            if (step.swept_as[of] < Step::kServes) swept.matrix[e][step.swept_as[of]] = -(reach * response[by.port][j]);
           });
+          swept.matrix[e][e] = V(1.0) - gain * middle;
+        } else {
+          Derivatives slopes;
+          call.spread(out, slopes, add);
+          call.keep_states(add);
+          if (serves) {
+            D force = step.drive_force(u, j);
+            force.v = force.v + out.v;
+            each_direction<kN>([&](int k) TILLER_INLINED { force.d[k] = force.d[k] + slopes.d[k]; });
+            step.set_drive_force(u, j, force);
+          }
+          remember(now, anything_now, j, slopes);
+          if (!again) remember(known, anything, j, slopes);
         }
-        moved.at[j].add(slopes.d);
-        change_values(t, response[j], h, share, push);
+        if (again)
+          over_relax(out.v);
+        else
+          change_values(t, response[j], h, share, out.v);
       });
     }
+    if (sweeps > 1) {
+      swept.solve(step.swept);
+      for (int e = 0; e < step.swept; ++e) remember(known, anything, swept.joint[e], swept.force[e]);
+    }
+    if (!anything) return;
     each(step.model.joints(), [&](auto i) {
       Derivatives change;
-      moved.velocity(response, h, static_cast<int>(i), change);
+      known.velocity(response, h, static_cast<int>(i), change);
       D& speed = step.model.template velocity<D>(t.x, i);
       D* const place = step.model.template position<D>(t.x, i);
       each_direction<kN>([&](int k) TILLER_INLINED {
