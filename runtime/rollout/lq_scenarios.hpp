@@ -26,6 +26,19 @@ struct ScenarioSweep {
     TILLER_INLINE int m() const { return kInputs ? kInputs : inputs; }
   };
 
+  /// States from here on neither follow from the states before nor does anything follow from them, as the last inputs
+  /// where their rate costs: rows and columns of a (n x n) that are zero.
+  static int live_states(const double* a, int n) {
+    const auto lives = [&](int i) {
+      for (int j = 0; j < n; ++j)
+        if (a[i * n + j] != 0.0 || a[j * n + i] != 0.0) return true;
+      return false;
+    };
+    int live = n;
+    while (live > 1 && !lives(live - 1)) --live;
+    return live;
+  }
+
   static TILLER_INLINE void copy(const double* row, int width, double* out) {
     for (int j = 0; j < width; ++j) out[j] = row ? row[j] : 0.0;
   }
@@ -107,8 +120,10 @@ struct ScenarioSweep {
       double *value = f.value + k * s * s, *curvature = f.curvature + k * m * m, *carry = f.carry + k * m * s;
       for (int j = 0; j < z.count; ++j) {
         const std::size_t at = static_cast<std::size_t>(j) * n;
-        const Product onward = {ahead + at, s, 1, a + at * n, n, z.n()};
-        multiply(&onward, 1, 0, z.stack, 0, z.n(), nullptr, 0, pa + at, s);
+        const int live = live_states(a + at * n, z.n());
+        const Product onward = {ahead + at, s, 1, a + at * n, n, live};
+        multiply(&onward, 1, 0, z.stack, 0, live, nullptr, 0, pa + at, s);
+        for (std::size_t r = 0; r < s && live < z.n(); ++r) copy(nullptr, z.n() - live, pa + r * s + at + live);
       }
       const Product crossed = {b, 1, m, pa, s, z.stack}, pulled = {b, 1, m, ahead, s, z.stack};
       multiply(&crossed, 1, 0, z.m(), 0, z.stack, p.qux ? p.qux + k * m * s : nullptr, s, carry, s);
@@ -124,12 +139,13 @@ struct ScenarioSweep {
       slope(p, f, z, k, carried);
       for (int j = 0; j < z.count; ++j) {
         const std::size_t at = static_cast<std::size_t>(j) * n;
-        const Product sum[2] = {{a + at * n, 1, n, pa + at * s, s, z.n()},
-                                {carry + at, 1, s, f.gain + k * m * s, s, z.m()}};
+        const int live = live_states(a + at * n, z.n());
+        const Product sum[2] = {{carry + at, 1, s, f.gain + k * m * s, s, z.m()},
+                                {a + at * n, 1, n, pa + at * s, s, live}};
         // from the diagonal on, rounded down to where tiles begin: the other half is its image
         for (int first = 0; first < z.n(); first += 8)
-          multiply(sum, 2, first, first + 8 < z.n() ? first + 8 : z.n(), (static_cast<int>(at) + first) / 8 * 8,
-                   z.stack, nullptr, 0, value + at * s, s);
+          multiply(sum, first < live ? 2 : 1, first, first + 8 < z.n() ? first + 8 : z.n(),
+                   (static_cast<int>(at) + first) / 8 * 8, z.stack, nullptr, 0, value + at * s, s);
       }
       add_blocks(p, z, k, value);
     }

@@ -279,11 +279,18 @@ struct StaticModel {
       for (int k = 0; k < D::directions; ++k) {
         S sum = S(0.0);
         for (int c = 0; c < kStates; ++c) sum = sum + s.by_state[i][c] * element(x, c).d[k];
-        for (int j = 0; j < kForces; ++j) sum = sum + s.column[j][i] * force[j].d[k];
         rate.d[k] = sum;
       }
       element(out, M<double>::joints[i].position) = element(x, M<double>::joints[i].velocity);
     }
+    for (int j = 0; j < kForces; ++j)
+      for (int k = 0; k < D::directions; ++k) {
+        if (!any(force[j].d[k] != S(0.0))) continue;  // most are: an input pushes its own joint
+        for (int i = 0; i < kForces; ++i) {
+          S& slope = element(out, M<double>::joints[i].velocity).d[k];
+          slope = slope + s.column[j][i] * force[j].d[k];
+        }
+      }
     return out;
   }
 

@@ -480,13 +480,14 @@ struct Stepper {
   /// changes with the pose is left out of derivatives. It would act through what reacts at the joints alone, to the
   /// second order of the step.
   template <class D>
-  __attribute__((noinline)) void respond_still(const typename Model::template State<D>& x, const Body<D>& dual_body,
+  __attribute__((noinline)) void respond_still(const typename Model::template State<D>& begin,
+                                               const typename Model::template State<D>& end, const Body<D>& dual_body,
                                                const typename Model::template Params<D>& p,
                                                Share (*response)[Model::kMostForces]) const {
     using V = typename D::value_type;
     typename Model::template State<V> xv;
     typename Model::template Params<V> pv;
-    each(model.nx(), [&](auto i) { xv[i] = x[i].v; });
+    each(model.nx(), [&](auto i) { xv[i] = V(0.5) * (begin[i].v + end[i].v); });
     each(model.np(), [&](auto i) { pv[i] = p[i].v; });
     V column[Model::kMostForces][Model::kMostForces];
     model.template responses<V>(
@@ -504,13 +505,15 @@ struct Stepper {
                              const Force* f, const Parameters<Model, S>* p, const Body<S>* bodies) const {
     if constexpr (Model::kKnowsResponses) {
       for (int r = 0; r < kCount; ++r) {
-        State middle;
-        each(states(), [&](auto i) { element(middle, i) = S(0.5) * (element(begin[r], i) + element(t[r].x, i)); });
+        const auto& params = p[kSets == 1 ? 0 : r].model;
+        const Body<S>& acting = bodies[kSets == 1 ? 0 : r];
         if constexpr (Model::kKnowsSlopes && IsDual<S>::value) {
-          respond_still(middle, bodies[kSets == 1 ? 0 : r], p[kSets == 1 ? 0 : r].model, response[r]);
-          continue;
-        } else
-          model.template responses<S>(middle, bodies[kSets == 1 ? 0 : r], p[kSets == 1 ? 0 : r].model, response[r]);
+          respond_still(begin[r], t[r].x, acting, params, response[r]);
+        } else {
+          State middle;
+          each(states(), [&](auto i) { element(middle, i) = S(0.5) * (element(begin[r], i) + element(t[r].x, i)); });
+          model.template responses<S>(middle, acting, params, response[r]);
+        }
       }
     } else {
       each(model.joints(), [&](auto j) TILLER_INLINED {
