@@ -29,14 +29,16 @@ struct ScenarioSweep {
   /// States from here on neither follow from the states before nor does anything follow from them, as the last inputs
   /// where their rate costs: rows and columns of a (n x n) that are zero.
   static int live_states(const double* a, int n) {
-    const auto lives = [&](int i) {
-      for (int j = 0; j < n; ++j)
-        if (a[i * n + j] != 0.0 || a[j * n + i] != 0.0) return true;
-      return false;
-    };
     int live = n;
-    while (live > 1 && !lives(live - 1)) --live;
+    while (live > 1 && all_zero(a + (live - 1) * n, n)) --live;
+    for (int r = 0; r < live && live < n; ++r)
+      if (!all_zero(a + r * n + live, n - live)) return n;
     return live;
+  }
+  static TILLER_INLINE bool all_zero(const double* row, int count) {
+    bool zero = true;
+    for (int i = 0; i < count; ++i) zero &= row[i] == 0.0;
+    return zero;
   }
 
   static TILLER_INLINE void copy(const double* row, int width, double* out) {
@@ -118,12 +120,14 @@ struct ScenarioSweep {
     for (std::size_t k = horizon; k-- > 0;) {
       const double *a = p.a + k * s * n, *b = p.b + k * s * m, *ahead = f.value + (k + 1) * s * s;
       double *value = f.value + k * s * s, *curvature = f.curvature + k * m * m, *carry = f.carry + k * m * s;
+      int live[TILLER_MAX_SCENARIOS];
       for (int j = 0; j < z.count; ++j) {
         const std::size_t at = static_cast<std::size_t>(j) * n;
-        const int live = live_states(a + at * n, z.n());
-        const Product onward = {ahead + at, s, 1, a + at * n, n, live};
-        multiply(&onward, 1, 0, z.stack, 0, live, nullptr, 0, pa + at, s);
-        for (std::size_t r = 0; r < s && live < z.n(); ++r) copy(nullptr, z.n() - live, pa + r * s + at + live);
+        live[j] = live_states(a + at * n, z.n());
+        const Product onward = {ahead + at, s, 1, a + at * n, n, live[j]};
+        multiply(&onward, 1, 0, z.stack, 0, live[j], nullptr, 0, pa + at, s);
+        for (std::size_t r = 0; r < s && live[j] < z.n(); ++r)
+          copy(nullptr, z.n() - live[j], pa + r * s + at + live[j]);
       }
       const Product crossed = {b, 1, m, pa, s, z.stack}, pulled = {b, 1, m, ahead, s, z.stack};
       multiply(&crossed, 1, 0, z.m(), 0, z.stack, p.qux ? p.qux + k * m * s : nullptr, s, carry, s);
@@ -139,12 +143,11 @@ struct ScenarioSweep {
       slope(p, f, z, k, carried);
       for (int j = 0; j < z.count; ++j) {
         const std::size_t at = static_cast<std::size_t>(j) * n;
-        const int live = live_states(a + at * n, z.n());
         const Product sum[2] = {{carry + at, 1, s, f.gain + k * m * s, s, z.m()},
-                                {a + at * n, 1, n, pa + at * s, s, live}};
+                                {a + at * n, 1, n, pa + at * s, s, live[j]}};
         // from the diagonal on, rounded down to where tiles begin: the other half is its image
         for (int first = 0; first < z.n(); first += 8)
-          multiply(sum, first < live ? 2 : 1, first, first + 8 < z.n() ? first + 8 : z.n(),
+          multiply(sum, first < live[j] ? 2 : 1, first, first + 8 < z.n() ? first + 8 : z.n(),
                    (static_cast<int>(at) + first) / 8 * 8, z.stack, nullptr, 0, value + at * s, s);
       }
       add_blocks(p, z, k, value);

@@ -199,16 +199,6 @@ struct SlopedEffects {
       }
     }
   };
-  TILLER_INLINE void change_values(Trajectory<Model, D>& t, const V* column, const V& h, const V& share,
-                                   const V& push) const {
-    each(step.model.joints(), [&](auto i) {
-      const V change = h * column[i] * push;
-      D& speed = step.model.template velocity<D>(t.x, i);
-      speed.v = speed.v + change;
-      if (D* place = step.model.template position<D>(t.x, i)) place->v = place->v + share * change;
-    });
-  }
-
   /// Stepper::react().
   __attribute__((noinline)) void react(State& begin, Trajectory<Model, D>& t, Input& u, const Input& goals,
                                        const V (*response)[kJoints], const Parameters<Model, D>& p,
@@ -217,6 +207,18 @@ struct SlopedEffects {
     const bool semi_implicit = step.setup.integrator == tiller_integrator_semi_implicit_euler;
     const V h = length.h, share = semi_implicit ? length.h : length.half;
     V pushes[Step::kMostSwept];  // of the sweeps so far
+    V speeds[kJoints], places[kJoints];
+    each(step.model.joints(), [&](auto i) {
+      speeds[i] = step.model.template velocity<D>(t.x, i).v;
+      if (const D* place = step.model.template position<D>(t.x, i)) places[i] = place->v;
+    });
+    const auto change_values = [&](int j, const V& push) TILLER_INLINED {
+      for (int i = 0; i < kJoints; ++i) {
+        const V change = h * response[j][i] * push;
+        speeds[i] = speeds[i] + change;
+        places[i] = places[i] + share * change;
+      }
+    };
     Swept swept;
     // `now`: with what is swept, as the first sweep leaves it, for those that are not and come later
     Moved known, now;
@@ -248,9 +250,9 @@ struct SlopedEffects {
           JointStep<std::decay_t<decltype(seed(gain, kPosition))>> in;
           in.position = seed(q ? q->v : V(0.0), kPosition);
           in.middle = in.position;
-          if (q && !semi_implicit) in.middle = seed(V(0.5) * (q->v + q_free->v), kMiddle);
+          if (q && !semi_implicit) in.middle = seed(V(0.5) * (q->v + places[j]), kMiddle);
           in.velocity = seed(velocity.v, kVelocity);
-          in.free = seed(sweep > 0 ? free.v - gain * pushes[e] : free.v, kFree);
+          in.free = seed(sweep > 0 ? speeds[j] - gain * pushes[e] : speeds[j], kFree);
           in.gain = gain;
           in.drive = seed(drive.v, kDrive);
           in.dt_s = h;
@@ -259,7 +261,7 @@ struct SlopedEffects {
         const auto over_relax = [&](const V& force) TILLER_INLINED {
           const V before = sweep > 0 ? pushes[e] : V(0.0), push = relaxation * (force - before);
           pushes[e] = before + push;
-          change_values(t, response[j], h, share, push);
+          change_values(j, push);
         };
         if (again && !last && (sweep > 0 || at >= unswept)) {
           V params[kMaxEffectParams];
@@ -316,19 +318,21 @@ struct SlopedEffects {
         if (again)
           over_relax(out.v);
         else
-          change_values(t, response[j], h, share, out.v);
+          change_values(j, out.v);
       });
     }
     if (sweeps > 1) {
       swept.solve(step.swept);
       for (int e = 0; e < step.swept; ++e) remember(known, anything, swept.joint[e], swept.force[e]);
     }
-    if (!anything) return;
     each(step.model.joints(), [&](auto i) {
       Derivatives change;
-      known.velocity(response, h, static_cast<int>(i), change);
+      change.clear();
+      if (anything) known.velocity(response, h, static_cast<int>(i), change);
       D& speed = step.model.template velocity<D>(t.x, i);
       D* const place = step.model.template position<D>(t.x, i);
+      speed.v = speeds[i];
+      if (place) place->v = places[i];
       each_direction<kN>([&](int k) TILLER_INLINED {
         speed.d[k] = speed.d[k] + change.d[k];
         if (place) place->d[k] = place->d[k] + share * change.d[k];

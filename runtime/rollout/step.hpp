@@ -740,6 +740,20 @@ struct Stepper {
       }
     });
   }
+  /// The same, one text for all who step an imported mechanism, whose equations are long.
+  template <int kCount, int kSets>
+  __attribute__((noinline)) void substep_apart(Trajectory<Model, S>* t, Input* u, const Parameters<Model, S>* p,
+                                               const Body<S>* bodies, const PartOfAll<Model, S>& part) const {
+    substep_all<kCount, kSets>(t, u, p, bodies, part);
+  }
+  template <int kCount, int kSets>
+  TILLER_INLINE void substep(Trajectory<Model, S>* t, Input* u, const Parameters<Model, S>* p, const Body<S>* bodies,
+                             const PartOfAll<Model, S>& part) const {
+    if constexpr (Model::kKnowsSlopes && !IsDual<S>::value)
+      substep_apart<kCount, kSets>(t, u, p, bodies, part);
+    else
+      substep_all<kCount, kSets>(t, u, p, bodies, part);
+  }
   /// States of effects beyond those that there are hold nothing worth copying.
   TILLER_INLINE void keep(const Trajectory<Model, S>& t, Trajectory<Model, S>& before) const {
     before.x = t.x;
@@ -773,7 +787,7 @@ struct Stepper {
     if constexpr (std::is_same<Past, NoPast>::value) {
       for (std::uint32_t k = 0; k < setup.substeps; ++k) {
         for (int r = 0; r < kCount; ++r) acting[r] = commands[r];
-        substep_all<kCount, kSets>(t, acting, p, plan.body, {plan.registers, 0});
+        substep<kCount, kSets>(t, acting, p, plan.body, {plan.registers, 0});
       }
     } else {
       CommandSwitch<Model, S> turns[kCount];
@@ -786,7 +800,7 @@ struct Stepper {
           stand = stand || (plan.turning && any(part[r].stands));
         }
         for (int r = 0; stand && r < kCount; ++r) keep(t[r], before[r]);
-        substep_all<kCount, kSets>(t, acting, p, plan.body, part);
+        substep<kCount, kSets>(t, acting, p, plan.body, part);
         for (int r = 0; stand && r < kCount; ++r) keep_still(part[r].stands, before[r], t[r]);
       });
     }

@@ -86,10 +86,10 @@ struct Pack {
     v.store_aligned(all);
     return all[i];
   }
-  friend Pack operator+(const Pack& a, const Pack& b) { return Register<T>(a.v.data + b.v.data); }
-  friend Pack operator-(const Pack& a, const Pack& b) { return Register<T>(a.v.data - b.v.data); }
-  friend Pack operator*(const Pack& a, const Pack& b) { return Register<T>(a.v.data * b.v.data); }
-  friend Pack operator/(const Pack& a, const Pack& b) { return Register<T>(a.v.data / b.v.data); }
+  friend Pack operator+(const Pack& a, const Pack& b) { return a.v + b.v; }
+  friend Pack operator-(const Pack& a, const Pack& b) { return a.v - b.v; }
+  friend Pack operator*(const Pack& a, const Pack& b) { return a.v * b.v; }
+  friend Pack operator/(const Pack& a, const Pack& b) { return a.v / b.v; }
   friend Pack operator-(const Pack& a) { return -a.v; }
   friend Mask operator<(const Pack& a, const Pack& b) { return {a.v < b.v}; }
   friend Mask operator<=(const Pack& a, const Pack& b) { return {a.v <= b.v}; }
