@@ -27,6 +27,12 @@
 namespace tiller {
 
 #ifdef TILLER_KERNEL_PART
+// values of the effects that are called: both parts ask for them, the first has them
+#if TILLER_KERNEL_PART == 2
+extern
+#endif
+    template Pack<double>
+    called_force(std::uint32_t kind, const JointStep<Pack<double>>& in, Pack<double>* state, const Pack<double>* p);
 extern "C" {
 void tiller_part_linearise(const tiller_model_t& model, const LineariseJob& job);
 void tiller_part_path_linearise(const tiller_model_t& model, const PathJob& job);

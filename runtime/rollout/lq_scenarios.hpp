@@ -123,7 +123,7 @@ struct ScenarioSweep {
       int live[TILLER_MAX_SCENARIOS];
       for (int j = 0; j < z.count; ++j) {
         const std::size_t at = static_cast<std::size_t>(j) * n;
-        live[j] = live_states(a + at * n, z.n());
+        live[j] = kStates ? kStates : live_states(a + at * n, z.n());
         const Product onward = {ahead + at, s, 1, a + at * n, n, live[j]};
         multiply(&onward, 1, 0, z.stack, 0, live[j], nullptr, 0, pa + at, s);
         for (std::size_t r = 0; r < s && live[j] < z.n(); ++r)

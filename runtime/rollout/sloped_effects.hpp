@@ -175,6 +175,21 @@ struct SlopedEffects {
     }
   };
 
+  /// The force alone of an effect without states.
+  static TILLER_INLINE V force_value(std::uint32_t kind, const JointStep<V>& in, const V* params) {
+    switch (kind) {
+#define TILLER_INLINED_CASE(name, Type)                                       \
+  case tiller_effect_##name:                                                  \
+    if constexpr (Type<V>::hook == Hook::dissipation)                         \
+      return call_force<Type<V>, V>(kind, in, nullptr, params);               \
+    break;
+      TILLER_INLINED_EFFECTS(TILLER_INLINED_CASE)
+#undef TILLER_INLINED_CASE
+      default: break;
+    }
+    return called_force<V>(kind, in, nullptr, params);
+  }
+
   /// Derivatives of the swept forces where the sweeps lead to, which costs less than to follow them: every force is
   /// linear in what the others make of its joint's velocity. Two that stick at one joint are known by their sum alone:
   /// the first has it.
@@ -267,7 +282,7 @@ struct SlopedEffects {
           V params[kMaxEffectParams];
           load_params(slot, p, params);
           const auto in = arguments([](const V& value, int) { return value; });
-          return over_relax(called_force<V>(slot.kind, in, nullptr, params));
+          return over_relax(force_value(slot.kind, in, params));
         }
         Call call(step, slot, t, p);
         const L out = called_force<L>(slot.kind, arguments(seeded), call.states, call.params);

@@ -108,11 +108,14 @@ const Given kGiven[] = {{tiller_effect_payload, 0, {0.4}},
                         {tiller_effect_position_servo, 1, {40.0, 2.0, 0.0}},
                         {tiller_effect_elastic_joint, 2, {500.0, 0.2, 1.0}}};
 
-tiller::StepSetup setup_of(tiller_integrator_t integrator, std::uint32_t substeps, std::vector<double>& params) {
+/// several: friction at three joints, which are swept until they agree, and not at one.
+tiller::StepSetup setup_of(tiller_integrator_t integrator, std::uint32_t substeps, bool several,
+                           std::vector<double>& params) {
   tiller::StepSetup setup;
   setup.integrator = integrator;
   setup.substeps = substeps;
   for (const Given& g : kGiven) {
+    if (!several && (g.kind == tiller_effect_viscous_friction || g.kind == tiller_effect_quadratic_drag)) continue;
     setup.effects[setup.effect_count++] = {static_cast<std::uint16_t>(g.kind), g.port,
                                            static_cast<std::uint16_t>(Model::kParams + params.size()),
                                            static_cast<std::uint16_t>(setup.effect_state_count)};
@@ -154,9 +157,12 @@ TEST(SlopedEffects, HaveTheDerivativesOfTheirTexts) {
   std::uniform_real_distribution<double> unit(-1.0, 1.0);
   for (const tiller_integrator_t integrator :
        {tiller_integrator_semi_implicit_euler, tiller_integrator_midpoint, tiller_integrator_rk4})
-    for (int trial = 0; trial < 40; ++trial) {
+    for (int trial = 0; trial < 80; ++trial) {
       std::vector<double> params;
-      const tiller::StepSetup setup = setup_of(integrator, 1 + static_cast<std::uint32_t>(trial % 2), params);
+      const bool several = trial % 4 < 2;
+      // of several joints' friction the wide numbers have the derivatives that the sweeps lead to; five come near
+      const double tolerance = several ? 1e-4 : 1e-10;
+      const tiller::StepSetup setup = setup_of(integrator, 1 + static_cast<std::uint32_t>(trial % 2), several, params);
       ASSERT_EQ(setup.effect_state_count, static_cast<std::uint32_t>(kEffectStates));
       Start start{};
       for (double& x : start.x) x = (trial % 3 == 0 ? 0.01 : 1.0) * unit(random);  // slow joints stick
@@ -169,7 +175,7 @@ TEST(SlopedEffects, HaveTheDerivativesOfTheirTexts) {
                                 int i) {
           EXPECT_NEAR(got.v, wanted.v, 1e-13 * (1.0 + std::fabs(wanted.v))) << what << " " << i;
           for (int k = 0; k < kFew && first + k < kAll; ++k)
-            EXPECT_NEAR(got.d[first + k], wanted.d[k], 1e-10 * (1.0 + std::fabs(wanted.d[k])))
+            EXPECT_NEAR(got.d[first + k], wanted.d[k], tolerance * (1.0 + std::fabs(wanted.d[k])))
                 << what << " " << i << " by " << first + k << ", integrator " << integrator << ", trial " << trial;
         };
         tiller::each(Model::nx(), [&](auto i) { expect(wide.x[i], narrow.x[i], "state", i); });
