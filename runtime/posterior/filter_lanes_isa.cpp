@@ -34,10 +34,10 @@ struct Count<0> {
   operator std::uint32_t() const { return n; }
 };
 
-template <std::uint32_t N, std::uint32_t kMost = N>
+template <std::uint32_t N>
 void predict_lanes(const PredictJob& job) {
   const Count<N> nx(job.nx);
-  constexpr std::uint32_t max = kMost;
+  constexpr std::uint32_t max = N ? N : kMostOnStack;
   for (std::uint32_t lane = 0; lane < job.lanes; lane += P::width) {
     P p[max * max], a[max * max];
     for (std::uint32_t r = 0; r < nx; ++r)
@@ -253,12 +253,8 @@ void predict(const PredictJob& job) {
   switch (job.nx) {
     case 2: return predict_lanes<2>(job);
     case 4: return predict_lanes<4>(job);
-    default: break;
+    default: return job.nx <= kMostOnStack ? predict_lanes<0>(job) : predict_large(job);
   }
-  if (job.nx <= kMostOnStack) return predict_lanes<0, kMostOnStack>(job);
-  // an arm's; in the block its rows, a power of two apart, drive each other out of the first-level cache
-  if (job.nx <= 2 * kMostOnStack) return predict_lanes<0, 2 * kMostOnStack>(job);
-  predict_large(job);
 }
 
 void correct(const CorrectJob& job) {

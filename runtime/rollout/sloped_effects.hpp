@@ -259,7 +259,10 @@ struct SlopedEffects {
         D* const q = step.model.template position<D>(begin, j);
         const D *const q_free = step.model.template position<D>(t.x, j),
                        &velocity = step.model.template velocity<D>(begin, j),
-                       &free = step.model.template velocity<D>(t.x, j), drive = step.drive_force(serves ? goals : u, j);
+                       &free = step.model.template velocity<D>(t.x, j);
+        const int input = step.model.drive(j);
+        const Input& commands = serves ? goals : u;
+        const D* const drive = input > 0 ? &element(commands, input - 1) : nullptr;  // a copy would be a kilobyte
         const V gain = h * response[j][j];
         const auto arguments = [&](const auto& seed) TILLER_INLINED {
           JointStep<std::decay_t<decltype(seed(gain, kPosition))>> in;
@@ -269,7 +272,7 @@ struct SlopedEffects {
           in.velocity = seed(velocity.v, kVelocity);
           in.free = seed(sweep > 0 ? speeds[j] - gain * pushes[e] : speeds[j], kFree);
           in.gain = gain;
-          in.drive = seed(drive.v, kDrive);
+          in.drive = seed(drive ? drive->v : V(0.0), kDrive);
           in.dt_s = h;
           return in;
         };
@@ -306,7 +309,8 @@ struct SlopedEffects {
               sum.add(weight, free.d);
               if (moves) sum.add(weight, change.d);
               return;
-            default: return sum.add(weight, drive.d);
+            default:
+              if (drive) sum.add(weight, drive->d);
           }
         };
         if (again && last) {

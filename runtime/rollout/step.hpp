@@ -16,6 +16,8 @@
 // at any step and can stop a joint exactly. The splitting is second order in the substep where the force is smooth.
 // Dissipation comes last, so that a joint can stick against all the rest.
 
+#include <new>
+
 #include "effects/joint_inertia.hpp"
 #include "effects/position_servo.hpp"
 #include "rollout/effect_calls.hpp"
@@ -679,8 +681,14 @@ struct Stepper {
     }
     for (int r = 0; r < kCount; ++r) {
       assign(begin[r], t[r].x);
-      assign(t[r].x, free_step(kIntegrator, begin[r], u[r], f[r], bodies[kSets == 1 ? 0 : r],
-                               p[kSets == 1 ? 0 : r].model, part[r].step));
+      const auto end = [&]() TILLER_INLINED {
+        return free_step(kIntegrator, begin[r], u[r], f[r], bodies[kSets == 1 ? 0 : r], p[kSets == 1 ? 0 : r].model,
+                         part[r].step);
+      };
+      if constexpr (kSloped)
+        ::new (static_cast<void*>(&t[r].x)) State(end());  // in its place: an assignment would copy twenty kilobytes
+      else
+        assign(t[r].x, end());
     }
   }
 
