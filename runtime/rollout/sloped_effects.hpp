@@ -2,8 +2,8 @@
 
 // Effects of a model that knows its slopes, on dual numbers of many directions. A force at a joint follows from five
 // numbers and up to three states of its own, so it is differentiated by these alone; the chain rule then goes along all
-// directions, past arguments that do not matter. While the sweeps over what dissipates go on, the velocities have their
-// values alone: they are linear in the forces, whose derivatives are what is kept.
+// directions, past arguments that do not matter. The sweeps over what dissipates go by values alone; what they lead to
+// is differentiated once, behind the last.
 //
 // Parameters, the body and the inverse inertia are constants here (StaticModel::sloped_dynamics,
 // Stepper::respond_still).
@@ -214,6 +214,7 @@ struct SlopedEffects {
       }
     }
   };
+
   /// Stepper::react().
   __attribute__((noinline)) void react(State& begin, Trajectory<Model, D>& t, Input& u, const Input& goals,
                                        const V (*response)[kJoints], const Parameters<Model, D>& p,

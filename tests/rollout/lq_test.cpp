@@ -161,6 +161,21 @@ TEST(Lq, solves_every_size) {
   }
 }
 
+// the last inputs as states, where their rate costs; in every third stage something follows from them after all
+TEST(Lq, states_that_nothing_follows_from) {
+  for (const Size z : {Size{7, 3, 12, 1}, Size{21, 7, 6, 1}, Size{9, 2, 8, 3}, Size{2, 1, 6, 1}})
+    for (unsigned seed = 1; seed <= 10; ++seed) {
+      Random r(z, seed, false);
+      for (std::size_t row = 0; row < r.a.size() / z.n; ++row)
+        for (std::size_t c = 0; c < z.n; ++c) {
+          const bool dead_row = row % z.n >= z.n - z.m, dead_column = c >= z.n - z.m;
+          if (dead_row || (dead_column && row / z.n % 3 != 0)) r.a[row * z.n + c] = 0.0;
+        }
+      r.solve(tiller::select_lq(tiller::best_isa(), z.n, z.m));
+      EXPECT_LT(r.residual(), kBound) << z.n << " states, seed " << seed;
+    }
+}
+
 TEST(Lq, fixed_sizes_are_used_and_agree_with_the_general_one) {
   EXPECT_EQ(tiller::select_lq(cart_pole(), 4, 1).states, 4u);
   EXPECT_EQ(tiller::select_lq(cart_pole(), 5, 1).states, 5u);
