@@ -751,12 +751,12 @@ struct Stepper {
   /// The same, one text for all who step an imported mechanism, whose equations are long.
   template <int kCount, int kSets>
   __attribute__((noinline)) void substep_apart(Trajectory<Model, S>* t, Input* u, const Parameters<Model, S>* p,
-                                               const Body<S>* bodies, const PartOfAll<Model, S>& part) const {
+                                               const Body<S>* bodies, const PartOfAll<Model, S, kSets>& part) const {
     substep_all<kCount, kSets>(t, u, p, bodies, part);
   }
   template <int kCount, int kSets>
   TILLER_INLINE void substep(Trajectory<Model, S>* t, Input* u, const Parameters<Model, S>* p, const Body<S>* bodies,
-                             const PartOfAll<Model, S>& part) const {
+                             const PartOfAll<Model, S, kSets>& part) const {
     if constexpr (Model::kKnowsSlopes && !IsDual<S>::value)
       substep_apart<kCount, kSets>(t, u, p, bodies, part);
     else
