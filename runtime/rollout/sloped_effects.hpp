@@ -178,10 +178,9 @@ struct SlopedEffects {
   /// The force alone of an effect without states.
   static TILLER_INLINE V force_value(std::uint32_t kind, const JointStep<V>& in, const V* params) {
     switch (kind) {
-#define TILLER_INLINED_CASE(name, Type)                                       \
-  case tiller_effect_##name:                                                  \
-    if constexpr (Type<V>::hook == Hook::dissipation)                         \
-      return call_force<Type<V>, V>(kind, in, nullptr, params);               \
+#define TILLER_INLINED_CASE(name, Type)                                                                         \
+  case tiller_effect_##name:                                                                                    \
+    if constexpr (Type<V>::hook == Hook::dissipation) return call_force<Type<V>, V>(kind, in, nullptr, params); \
     break;
       TILLER_INLINED_EFFECTS(TILLER_INLINED_CASE)
 #undef TILLER_INLINED_CASE
