@@ -4,6 +4,7 @@
     --rounds N      rounds in which all take turns (9)
     --sizes A,B     of 4/1, 12/4, 24/8, 36/12 (states/inputs) and hover; all of them otherwise
     --horizons A,B  of 10, 30, 100
+    --cases A,B     of the four below
     --only-sizes    without bench_qp's table
     --fresh         measure anew; otherwise rows of this build that an earlier run left are kept
     --build DIR     the CMake build folder (build/release)
@@ -146,6 +147,7 @@ def main():
     parser.add_argument("--rounds", type=int, default=9)
     parser.add_argument("--sizes", default=",".join(["hover", *SIZES]))
     parser.add_argument("--horizons", default=",".join(map(str, HORIZONS)))
+    parser.add_argument("--cases", default=",".join(CASES))
     parser.add_argument("--only-sizes", action="store_true")
     parser.add_argument("--fresh", action="store_true")
     parser.add_argument("--build", type=pathlib.Path, default=ROOT / "build/release")
@@ -160,7 +162,7 @@ def main():
     kept.write_text("".join(json.dumps(r) + "\n" for r in rows.values()), encoding="utf-8")
     wanted = [(size, int(horizon), case) for size in args.sizes.split(",")
               for horizon in (args.horizons.split(",") if size != "hover" else [10])
-              for case in (CASES if size != "hover" else CASES[:2])]
+              for case in (CASES if size != "hover" else CASES[:2]) if case in args.cases.split(",")]
     print(f"\nMPC programs, one core, CPU time a program, lower quartiles of {args.rounds} rounds by turns")
     verdicts = []
     for size, horizon, case in wanted:
