@@ -26,7 +26,6 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kCheaper = 1e-3;
 constexpr double kProgress = 0.9;                 // of the mark: a plan that costs less than this has made progress
 constexpr double kDone = 0.05;                    // of the worst cost: a plan that costs less is at its goal
-constexpr double kWidths = 2.0;                   // the sampler's: standard deviation of a knot in ranges of the input
 constexpr std::uint32_t kDraws = 4, kRounds = 4;  // iterations of samples a search, and rollouts of eight in each
 constexpr std::uint32_t kFewestKnots = 4, kMostKnots = 16;
 constexpr std::uint32_t kMostIterations = 100;  // that a recording may hold: tiller_force_iterations

@@ -115,8 +115,9 @@ void choose_at_random(Search& t, RandomStream& random) {
   }
 }
 
-/// Whether this iteration looks for a first plan: there is none whose rest could say what a choice is worth.
-bool explores(const Sampler& s) { return s.cold && 2 * s.iteration < s.settings->iterations; }
+/// Whether this iteration looks for a first plan: a quarter of them do, for there is none whose rest could say what a
+/// choice is worth. Of one input alone: random sequences of several are no good beginning.
+bool explores(const Sampler& s) { return s.cold && s.inputs == 1 && 4 * (s.iteration + 1) <= s.settings->iterations; }
 
 /// How the lane's simulation goes on from choice `from`.
 void follow_policy(Search& t, std::uint32_t policy, std::uint32_t from, std::uint32_t variant, RandomStream& random) {

@@ -89,11 +89,13 @@ RiskJob risk_job(const Sampler& s, std::uint32_t lanes, const float* cost, float
   return job;
 }
 
-/// A first plan of one input is the cheapest of very wide samples until its last iteration: a mean is drawn to the
-/// valley that the first few good samples lie in. With several inputs the cheapest sample is a rough beginning, and the
-/// mean leads to better plans.
+/// Where samples reach the limits anyway, a first plan of one input is the cheapest of very wide ones until its last
+/// iteration: a mean is drawn to the valley that the first few good samples lie in. With several inputs the cheapest
+/// sample is a rough beginning, and the mean leads to better plans; so does the gradient of `hybrid`.
 bool explores(const Sampler& s) {
-  return s.cold && s.inputs == 1 && !s.method->draw && s.iteration + 1 < s.settings->iterations;
+  const bool hybrid = planning_kind(*s.settings) == tiller_planner_hybrid;
+  const bool wide = s.noise_sd[0] >= kWidths * (s.limits[0].high - s.limits[0].low);
+  return s.cold && wide && s.inputs == 1 && !s.method->draw && !hybrid && s.iteration + 1 < s.settings->iterations;
 }
 
 /// False if the deadline passed on the way.

@@ -230,6 +230,10 @@ inline std::uint32_t held_knots(std::uint32_t horizon, std::uint32_t hold) {
   return (horizon + 2 * hold - 2) / hold + 1;
 }
 
+// Of the input's range: noise_sd where none is configured. Most knots of the widest samples are then at a limit, as
+// those of a swing-up; the finest have a thirtieth of the range. docs/evidence/planners.md has the costs.
+constexpr double kWidths = 2.0;
+
 inline std::uint32_t pad_lanes(std::uint32_t n) { return (n + kLanePadding - 1) / kLanePadding * kLanePadding; }
 
 /// Number of the cheapest rollout of this iteration, the first of equals.

@@ -13,9 +13,6 @@ constexpr std::uint32_t kMostSlots = 8;
 // within a second and their mean with them: with a single scale, cart-pole at horizon 75 is never held (0 of 20
 // seeds), with the mixture it is in 20 of 20, and noise_sd may be off by a factor of two.
 constexpr double kFinestScale = 1.0 / 64.0;
-// Of the input's range: noise_sd where none is configured. Most knots of the widest samples are then at a limit, as
-// those of a swing-up; the finest have a thirtieth of the range. docs/evidence/planners.md has the costs.
-constexpr double kWidths = 2.0;
 constexpr std::uint32_t kControlBytes = 32 * 1024;  // of a chunk: two thirds of a 48 kB first-level cache
 
 /// What the busiest of kMostSlots slots works off, in rollouts.
