@@ -1,11 +1,12 @@
 // ./dev bench threads: what plans and the posterior's updates gain from 1 to 8 threads of the caller.
 //
-// A machine has few cores, so that time is simulated: every piece that parallel_for is given runs alone and is timed, and
-// so is what lies between; a piece goes to the worker that is free first, in the order of the pieces, as a pool hands
-// them out. A sampling planner hands out chunks by itself: its first slot takes all of them here, and the clock, which it
-// reads once a rollout call, says where one ended. The same work is repeated and the least time of each piece counts, which other programs can only lengthen.
-// Efficiency is the time of one worker over n times that of n. Waking workers is not in it; the last table has it, and
-// two real threads beside it. Goal: 0.9 at 8 workers, for work of half a millisecond and more.
+// A machine has few cores, so that time is simulated: every piece that parallel_for is given runs alone and is timed,
+// and so is what lies between; a piece goes to the worker that is free first, in the order of the pieces, as a pool
+// hands them out. A sampling planner hands out chunks by itself: its first slot takes all of them here, and the clock,
+// which it reads once a rollout call, says where one ended. The same work is repeated and the least time of each piece
+// counts, which other programs can only lengthen. Efficiency is the time of one worker over n times that of n. Waking
+// workers is not in it; the last rows of a case have it, and two real threads. Goal: 0.9 at 8 workers, for work of a
+// millisecond and more.
 
 #include <algorithm>
 #include <array>

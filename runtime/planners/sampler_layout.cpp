@@ -21,8 +21,8 @@ std::uint32_t longest_slot(std::uint32_t rollouts, std::uint32_t lanes) {
   return (chunks + kMostSlots - 1) / kMostSlots * lanes;
 }
 
-/// Lanes of a chunk: 64 are four AVX-512 vectors in flight; 128 halve the cost of a call where the controls still fit the
-/// cache and no slot gets more to do, as of 1536 rollouts four would: eight threads then wait for those.
+/// Lanes of a chunk: 64 are four AVX-512 vectors in flight; 128 halve the cost of a call where the controls still fit
+/// the cache and no slot gets more to do, as of 1536 rollouts four would: eight threads then wait for those.
 std::uint32_t choose_chunk_lanes(const tiller_planner_config_t& p, std::uint32_t inputs) {
   const bool fits = p.horizon * inputs * 128 * sizeof(float) <= kControlBytes;
   const bool shares = p.rollouts >= 1024 && longest_slot(p.rollouts, 128) <= longest_slot(p.rollouts, 64);
