@@ -146,7 +146,7 @@ def table(measured, batched):
     for isa, (peaks, kernels) in measured.items():
         lines += [f"### {isa}", "",
                   f"Fused multiply-adds: {peaks['f32_flops'] / 1e9:.0f} GF/s in float32, {peaks['f64_flops'] / 1e9:.0f} in "
-                  f"float64. Copies (read and written): {peaks['near_bytes'] / 1e9:.0f} GB/s within the first-level cache, "
+                  f"float64.\nCopies (read and written): {peaks['near_bytes'] / 1e9:.0f} GB/s within the first-level cache, "
                   f"{peaks['far_bytes'] / 1e9:.1f} GB/s of memory.", "",
                   "| kernel | operations | bytes | operations a byte | instructions | time | GF/s | GB/s | of its roof |",
                   "|---|---|---|---|---|---|---|---|---|"]
