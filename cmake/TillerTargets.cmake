@@ -28,6 +28,9 @@ if(TILLER_COVERAGE)
   add_compile_options(--coverage)
   add_link_options(--coverage)
 endif()
+if(TILLER_CALL_GRAPH)
+  add_compile_options(-fdump-tree-optimized)  # the types of calls through pointers
+endif()
 if(TILLER_MCDC)
   # Folders and their tests alone: an inline function counts in the copy that the linker keeps, which is the test's.
   set(TILLER_MCDC_OPTIONS -fprofile-instr-generate -fcoverage-mapping -fcoverage-mcdc)

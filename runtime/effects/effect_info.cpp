@@ -75,10 +75,8 @@ bool is_quaternion_state(const tiller_model_t& model, std::uint32_t state) {
   return ((mask | mask << 1 | mask << 2 | mask << 3) >> state) & 1u;
 }
 
-}  // namespace
-
-bool port_fits(const EffectInfo& info, std::uint32_t port, const tiller_model_t& model) {
-  if (port == TILLER_EVERY_PORT) return ports_of(info, port, model) > 1;
+/// At one port.
+bool stands_at(const EffectInfo& info, std::uint32_t port, const tiller_model_t& model) {
   if (port >= port_count(info.port, model)) return false;
   if (info.port == PortKind::joint) {
     const tiller_joint_t& joint = model.joints[port];
@@ -93,6 +91,15 @@ bool port_fits(const EffectInfo& info, std::uint32_t port, const tiller_model_t&
     return false;
   }
   return true;
+}
+
+}  // namespace
+
+bool port_fits(const EffectInfo& info, std::uint32_t port, const tiller_model_t& model) {
+  if (port != TILLER_EVERY_PORT) return stands_at(info, port, model);
+  std::uint32_t count = 0;
+  for (std::uint32_t p = 0; p < port_count(info.port, model); ++p) count += stands_at(info, p, model) ? 1 : 0;
+  return count > 1;
 }
 
 std::uint32_t ports_of(const EffectInfo& info, std::uint32_t port, const tiller_model_t& model) {

@@ -48,25 +48,28 @@ void print_number(std::uint64_t value) {
   print(at);
 }
 
-std::uint32_t argument(std::uint32_t missing) {
-  static char line[128];
+std::size_t arguments(std::uint32_t* values, std::size_t room) {
+  static char line[512];
   struct {
     char* text;
     std::uint32_t size;
   } parameters = {line, sizeof line - 1};
-  if (semihost(kGetCommandLine, &parameters) != 0) return missing;
-  std::uint32_t value = 0;
-  bool found = false;
-  for (const char* at = line; *at != '\0'; ++at) {
-    if (*at == ' ') {
-      value = 0;
-      found = false;
-    } else if (*at >= '0' && *at <= '9') {
+  if (semihost(kGetCommandLine, &parameters) != 0) return 0;
+  std::size_t count = 0;
+  const char* at = line;
+  while (*at != '\0' && *at != ' ') ++at;  // the program's name
+  while (*at != '\0' && count < room) {
+    std::uint32_t value = 0;
+    bool found = false;
+    for (; *at != '\0' && *at != ' '; ++at) {
+      if (*at < '0' || *at > '9') continue;
       value = 10 * value + static_cast<std::uint32_t>(*at - '0');
       found = true;
     }
+    if (found) values[count++] = value;
+    if (*at == ' ') ++at;
   }
-  return found ? value : missing;
+  return count;
 }
 
 void leave(int code) {
@@ -87,6 +90,14 @@ std::size_t stack_used() {
   while (at < link_stack_top && *at == kPaint) ++at;
   return static_cast<std::size_t>(reinterpret_cast<std::uintptr_t>(link_stack_top) -
                                   reinterpret_cast<std::uintptr_t>(at));
+}
+void paint_stack() {
+  std::uint32_t* here;
+  asm volatile("mov %0, sp" : "=r"(here));
+  for (std::uint32_t* at = link_stack_low; at < here - 8; ++at) *const_cast<volatile std::uint32_t*>(at) = kPaint;
+}
+std::size_t stack_above(const void* place) {
+  return reinterpret_cast<std::uintptr_t>(link_stack_top) - reinterpret_cast<std::uintptr_t>(place);
 }
 std::size_t stack_size() {
   return reinterpret_cast<std::uintptr_t>(link_stack_top) - reinterpret_cast<std::uintptr_t>(link_stack_low);
@@ -115,9 +126,7 @@ void fault_handler() {
 void reset_handler() {
   reg(kCoprocessorAccess) |= 0xfu << 20;  // the floating-point unit, before any code that uses its registers
   asm volatile("dsb\nisb" ::: "memory");
-  std::uint32_t* here;
-  asm volatile("mov %0, sp" : "=r"(here));
-  for (std::uint32_t* at = link_stack_low; at < here - 8; ++at) *const_cast<volatile std::uint32_t*>(at) = kPaint;
+  board::paint_stack();
   const std::uint32_t* from = link_data_load;
   for (std::uint32_t* to = link_data_begin; to < link_data_end; ++to)
     *const_cast<volatile std::uint32_t*>(to) = *from++;

@@ -19,13 +19,24 @@ struct Counts {
   std::uint64_t sum = 0, most = 0;
 };
 
-void note(void* context, std::uint32_t) {
+std::size_t deepest, deepest_tick;  // stack: of all, and of tiller_tick below who calls it
+
+/// After each tick, called by who called the tick. The first time tiller_init was called, too.
+void note_stack(std::uint32_t tick, const void* callers_stack) {
+  const std::size_t used = board::stack_used(), of_tick = used - board::stack_above(callers_stack);
+  if (used > deepest) deepest = used;
+  if (tick > 0 && of_tick > deepest_tick) deepest_tick = of_tick;
+  board::paint_stack();
+}
+
+void note(void* context, std::uint32_t tick) {
   Counts& counts = *static_cast<Counts*>(context);
   const std::uint32_t now = board::timer();
   const std::uint64_t spent = static_cast<std::uint32_t>(counts.before - now);  // counts down
-  counts.before = now;
   counts.sum += spent;
   if (spent > counts.most) counts.most = spent;
+  note_stack(tick, __builtin_dwarf_cfa());
+  counts.before = board::timer();
 }
 
 std::uint64_t instructions(std::uint64_t counts) { return counts * kNanosecondsPerCount / kNanosecondsPerInstruction; }
@@ -81,13 +92,16 @@ bool run(const swing_up::Task& task, std::uint32_t ticks) {
 }  // namespace
 
 int main() {
-  const std::uint32_t ticks = board::argument(200);
+  std::uint32_t ticks = 200;
+  (void)board::arguments(&ticks, 1);
   board::start_timer();
   bool good = true;
   for (const swing_up::Task& task : swing_up::kTasks) good = run(task, ticks) && good;
   row("flash_bytes", board::flash_size());
   row("data_bytes", board::data_size());
-  row("stack_bytes_used", board::stack_used());
+  row("stack_bytes_used", deepest);
+  row("tick_stack_bytes_used", deepest_tick);
+  row("stack_bytes", board::stack_size());
   row("ram_bytes", board::data_size() + board::stack_size());
   return good ? 0 : 1;
 }
