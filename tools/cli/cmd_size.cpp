@@ -46,9 +46,14 @@ void print_table(const RobotFile& robot, const Report& r) {
       std::printf("    %-20s  %11llu  %11llu\n", what, static_cast<unsigned long long>(mean),
                   static_cast<unsigned long long>(most));
   };
-  std::printf("\n  stack of the calling thread    bytes\n");
+  std::printf("\n  stack of the calling thread, measured here\n");
   std::printf("    %-20s  %11zu\n", "tiller_init", r.stack.init_bytes);
   std::printf("    %-20s  %11zu\n", "tiller_tick", r.stack.tick_bytes);
+  if (const StackBound bound = stack_bound(robot.config.model->name); bound.tick_bytes > 0) {
+    std::printf("\n  stack on a Cortex-M7, a bound by the calls of tests/cortex_m\n");
+    std::printf("    %-20s  %11zu\n", "tiller_init", bound.init_bytes);
+    std::printf("    %-20s  %11zu\n", "tiller_tick", bound.tick_bytes);
+  }
   std::printf("\n  model steps per tick           mean         most\n");
   row("samples (f32)", r.mean.rollout_f32, r.most.rollout_f32);
   row("predictions (f64)", r.mean.rollout_f64, r.most.rollout_f64);
@@ -79,6 +84,8 @@ void print_json(const RobotFile& robot, const Report& r) {
   out["block_bytes"] = r.total;
   for (std::uint32_t i = 0; i < r.parts.count; ++i) out["parts"][r.parts.part[i].name] = r.parts.part[i].bytes;
   out["stack_bytes"] = {{"init", r.stack.init_bytes}, {"tick", r.stack.tick_bytes}};
+  if (const StackBound bound = stack_bound(robot.config.model->name); bound.tick_bytes > 0)
+    out["cortex_m7_stack_bound_bytes"] = {{"init", bound.init_bytes}, {"tick", bound.tick_bytes}};
   out["model_steps_per_tick"] = {{"mean", work_json(r.mean)}, {"most", work_json(r.most)}};
   out["cortex_m7_instructions_per_tick"] = {{"mean", r.instructions}, {"most", r.most_instructions}};
   out["measured_on"] = r.stand_in.empty() ? std::string(robot.config.model->name) : r.stand_in;
@@ -118,8 +125,9 @@ void add_size_command(CLI::App& app, int& exit_code) {
   add_override_options(*command, *overrides);
   command->footer(
       "RAM is exact for this machine; where pointers have 32 bits it is a little less. Stack is measured here, with the\n"
-      "lanes that this processor has. The model's steps are counted while the controller runs on its own model; what\n"
-      "a step costs was measured on a Cortex-M7 (docs/guide/targets.md).\n\n"
+      "lanes that this processor has: the deepest call that ran. Of models that an image of the project's tests has, a\n"
+      "bound by the calls of that image stands beside it. The model's steps are counted while the controller runs on\n"
+      "its own model; what a step costs was measured on a Cortex-M7 (docs/guide/targets.md).\n\n"
       "Examples:\n"
       "  tiller size robots/pendulum.toml\n"
       "      a table\n"

@@ -1,10 +1,12 @@
 """stack_bound.py IMAGE DUMPS: how deep the stack of a Cortex-M image can get, from the image's own instructions.
 
-Each function's instructions are followed along every branch, with what they take from the stack pointer; each call adds
-what the called function needs. Unlike a measured depth this covers paths that no test takes. Calls through pointers go to
+Each function's instructions are followed along every branch, with what they take from the stack pointer; each call
+adds what the called function needs. Unlike a measured depth this covers paths that no test takes. Calls through
+pointers go to
   - virtual functions: the same slot of every table (vtable) in the image,
   - the rest: every function whose address is taken in the image and whose parameters have the types of the call.
-Types are those of GCC's dumps (-fdump-tree-optimized, CMake option TILLER_CALL_GRAPH), which are looked for below DUMPS.
+Types are those of GCC's dumps (-fdump-tree-optimized, CMake option TILLER_CALL_GRAPH), which are looked for below
+DUMPS.
 
 Refuses what it cannot bound: recursion, a stack pointer that is computed, a call through a pointer in code without a
 dump. Calls that no function in the image can answer (hooks, a model's own cost: the application's) are listed; what
@@ -295,7 +297,7 @@ class Image:
         if len({short(self.names[at]) for at in left_out}) < len(without):
             refuse(f"--without: not every one of {', '.join(sorted(without))} is in {path}")
         edges = {at: self.edges_of(function) for at, function in self.functions.items()}
-        self.edges = {at: {to: depth for to, depth in calls.items() if to not in left_out} for at, calls in edges.items()}
+        self.edges = {at: {to: calls[to] for to in calls if to not in left_out} for at, calls in edges.items()}
 
     def dumps_of(self, function):
         """Of a function that several files may have, all: they are the same but for what was made inline."""
@@ -341,7 +343,8 @@ class Image:
         pointers = {called for dump in dumps for called in dump.pointers}
         unknown = {what for dump in dumps for what in dump.unknown}
         if unknown or not (slots or pointers):
-            self.unresolved.append((function, "; ".join(sorted(unknown)) or "its dump has no such call" if dumps else "no dump"))
+            why = "; ".join(sorted(unknown)) or "its dump has no such call"
+            self.unresolved.append((function, why if dumps else "no dump"))
         targets = set()
         for slot in slots:
             for table in self.tables:
@@ -377,8 +380,8 @@ class Image:
 
 
 def demangled(names):
-    text = subprocess.run(["c++filt"], input="\n".join(names), capture_output=True, text=True, check=True).stdout
-    return text.splitlines()
+    done = subprocess.run(["c++filt"], input="\n".join(names), capture_output=True, text=True, check=True)
+    return done.stdout.splitlines()
 
 
 def short(name):
@@ -438,8 +441,19 @@ def compare(image, known, command):
         good = good and 0 < painted <= bound
         print(f"    {name:32} {painted:9} {bound:9}")
     fits = bound_of(image, "reset_handler", known)[0] <= int(told.get("stack_bytes", 0))
-    print(f"    {'the stack there is':32} {told.get('stack_bytes', 'untold'):>9} {'' if fits else 'less than the bound'}")
+    print(f"    {'the stack there is':32} {told.get('stack_bytes', 'untold'):>9}"
+          f"{'' if fits else '  less than the bound'}")
     return good and fits
+
+
+def current(image, known, path):
+    """The rows TILLER_STACK_BOUND(model, call, bytes) of the file hold what this image needs, with a tenth to spare at
+    most."""
+    rows = re.findall(r"^TILLER_STACK_BOUND\((\w+), (\w+), (\d+)\)", path.read_text(encoding="utf-8"), re.MULTILINE)
+    wrong = [row for row in rows if not 0.9 * int(row[2]) <= bound_of(image, row[1], known)[0] <= int(row[2])]
+    for _, call, bytes_ in wrong:
+        print(f"{path}: {call} has {bytes_} bytes, the image needs {bound_of(image, call, known)[0]}")
+    return bool(rows) and not wrong
 
 
 def main():
@@ -447,12 +461,15 @@ def main():
     parser.add_argument("image", type=pathlib.Path)
     parser.add_argument("dumps", type=pathlib.Path, help="build folder of the image")
     parser.add_argument("--prefix", default="arm-none-eabi-", help="of objdump, objcopy and nm")
-    parser.add_argument("--path", action="append", metavar="FUNCTION", help="show its deepest path (tiller_init, tiller_tick)")
+    parser.add_argument("--path", action="append", metavar="FUNCTION",
+                        help="show its deepest path (tiller_init, tiller_tick)")
     parser.add_argument("--without", action="append", default=[], metavar="FUNCTION",
                         help="one that the image's configurations never call, e.g. lqr_cost_to_go")
+    parser.add_argument("--rows", type=pathlib.Path, metavar="FILE", 
+                        help="fails where its rows do not hold these bounds")
     parser.add_argument("--run", nargs=argparse.REMAINDER, metavar="COMMAND",
-                        help="runs the image, which tells its painted stack: fails where that is deeper than the bound, "
-                        "or the bound than the stack")
+                        help="runs the image, which tells its painted stack: fails where that is deeper than the "
+                        "bound, or the bound than the stack")
     arguments = parser.parse_args()
     image = Image(arguments.image, arguments.dumps, arguments.prefix, set(arguments.without))
     known = {}
@@ -461,6 +478,7 @@ def main():
     print_bounds(image, known, arguments.path or ["tiller_init", "tiller_tick"])
     print_pointers(image)
     good = not arguments.run or compare(image, known, arguments.run)
+    good = (not arguments.rows or current(image, known, arguments.rows)) and good
     return 0 if good and not image.unresolved else 1
 
 

@@ -101,4 +101,14 @@ bool measure_stack(const tiller_config_t& given, std::uint32_t ticks, StackUse& 
   return true;
 }
 
+StackBound stack_bound(const std::string& model) {
+  StackBound bound;
+  const auto take = [&](const char* of, const std::string& call, std::size_t bytes) {
+    if (model == of) (call == "tiller_init" ? bound.init_bytes : bound.tick_bytes) = bytes;
+  };
+#define TILLER_STACK_BOUND(of, call, bytes) take(#of, #call, bytes);
+#include "tools/doctor/stack_bounds.def"
+  return bound;
+}
+
 }  // namespace tiller::tools
