@@ -42,13 +42,13 @@ def run(*command):
 BOUNDED = {
     "tiller::portable::erfc(double)": 2,  # of the negative argument, which is positive
     "tiller::(anonymous namespace)::cut_normal_quantile(double, double, double)": 2,  # of the mirrored interval
-    "reset_handler": 1,  # calls the image's constructors, which are of its type
-    # the policy's, by the table of its fallback, which is never the policy
-    "tiller::(anonymous namespace)::lay_out(tiller::Arena&, tiller_config const&, tiller::StepSetup const&, "
-    "tiller::RolloutTable const&, tiller_hooks const*)": 1,
-    "tiller::(anonymous namespace)::reset(void*)": 1,
-    "tiller::(anonymous namespace)::sequence(void const*)": 1,
-    "tiller::(anonymous namespace)::plan(void*, tiller::PlanRequest const&, double*)": 1,
+    "reset_handler": 1,  # calls the image's constructors, which have its type
+}
+
+# Files whose functions no call through a pointer of the first one reaches, though the types fit.
+NEVER = {
+    ("policy.cpp", "policy.cpp"),  # its fallback is another planner, or none
+    ("hybrid.cpp", "policy.cpp"), ("hybrid.cpp", "hybrid.cpp"),  # goes through the table of mppi
 }
 
 # ---- the image -------------------------------------------------------------------------------------
@@ -354,7 +354,8 @@ class Image:
             if not found:
                 self.open[called].add(function.address)
             targets |= found
-        for target in targets:
+        source = self.sources.get(function.address)
+        for target in (each for each in targets if (source, self.sources.get(each)) not in NEVER):
             edges[target] = max(edges.get(target, 0), function.pointer_depth)
         return edges
 
@@ -362,7 +363,7 @@ class Image:
         """(bytes, path) of the deepest stack below `root`; refuses recursion, by the names of its circle."""
         if root in above:
             circle = above[above.index(root):] + (root,)
-            refuse("recursion: " + " -> ".join(self.names[at] for at in circle))
+            refuse("recursion: " + " -> ".join(f"{self.names[at]} ({self.sources.get(at) or 'any file'})" for at in circle))
         if root not in known:
             function = self.functions[root]
             again = 0
