@@ -20,12 +20,24 @@ constexpr std::uint32_t kRoom = 4096;
 constexpr double kPi = 3.141592653589793;
 
 enum Gene : std::uint32_t {
-  kStart, kRate, kMass, kDamping, kFriction,         // the plant
-  kGoal, kNextGoal, kGoalTick,                       // the goal, and the one it is replaced by
-  kPushTick, kPush, kPushAgainTick, kPushAgain,      // two jumps of the rate
-  kNoise, kNoiseSeed,                                // of the encoder
-  kOutlierTick, kOutlier,                            // one reading beside the truth
-  kSilenceTick, kSilence,                            // ticks without a reading
+  kStart,
+  kRate,
+  kMass,
+  kDamping,
+  kFriction,  // the plant
+  kGoal,
+  kNextGoal,
+  kGoalTick,  // the goal, and the one it is replaced by
+  kPushTick,
+  kPush,
+  kPushAgainTick,
+  kPushAgain,  // two jumps of the rate
+  kNoise,
+  kNoiseSeed,  // of the encoder
+  kOutlierTick,
+  kOutlier,  // one reading beside the truth
+  kSilenceTick,
+  kSilence,  // ticks without a reading
   kGenes
 };
 using Genome = std::uint32_t[kGenes];
