@@ -1,7 +1,7 @@
 """./dev bench worst_tick: the input that costs a tick the most instructions on a Cortex-M7, for every planner.
 
-    --inputs N       inputs that each seed tries (150): half of them random, half near the best so far
-    --seeds N        searches per planner (2)
+    --inputs N       inputs that each seed tries (60): half of them random, half near the best so far
+    --seeds N        searches per planner (1)
     --planner NAME   only this one
     --write          put the worst found of each planner into tests/cortex_m/worst_ticks.csv
     --again IMAGE    search nothing: run what stands there again, of the planners that this image has
@@ -95,8 +95,8 @@ def keep(row):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--inputs", type=int, default=150)
-    parser.add_argument("--seeds", type=int, default=2)
+    parser.add_argument("--inputs", type=int, default=60)
+    parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--planner", choices=planners())
     parser.add_argument("--write", action="store_true")
     parser.add_argument("--again", type=pathlib.Path)

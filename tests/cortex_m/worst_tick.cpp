@@ -107,7 +107,7 @@ Outcome run(std::uint32_t planner, const Genome& g) {
     measurement.sequence = tick + 1;
     measurement.value[0] = plant.angle_rad + within(g[kNoise], 0.0, 0.05) * within(noise.below(65536), -1.0, 1.0);
     if (tick == tick_of(g[kOutlierTick])) measurement.value[0] += within(g[kOutlier], -1.0, 1.0);
-    const std::uint32_t from = tick_of(g[kSilenceTick]), silent = g[kSilence] / 13108u;  // 0..4 ticks
+    const std::uint32_t from = tick_of(g[kSilenceTick]), silent = g[kSilence] / 13108u;  // 0..4: more is SAFE
     const bool reads = tick < from || tick >= from + silent;
     tiller_command_t command;
     const std::uint32_t before = board::timer();
