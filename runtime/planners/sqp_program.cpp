@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kExact = 100.0;     // of the largest gradient
 constexpr double kAtBound = 1e-6;    // share of its range that an input at a bound may be away from it
-constexpr double kOffBounds = 0.01;  // share of its range by which an interior point starts off a bound
+constexpr double kOffBounds = 0.02;  // share of its range by which an interior point starts off a bound
 
 void take_lift(Arena& arena, const LqProblem& sizes, LiftedArrays& lift) {
   const std::size_t h = sizes.horizon, n = sizes.states, m = sizes.scenarios, s = n * m, nu = sizes.inputs;
