@@ -40,6 +40,7 @@ class DualSolve {
 
   QpReport solve() {
     QpReport report;
+    if (!qp.repeats) w.sound = false;  // wherever this call ends: the factor is of other matrices
     if (!q.low != !q.high || !qp.state_low != !qp.state_high) {  // bounds have two sides here
       report.status = QpStatus::capped;
       return report;
@@ -197,7 +198,7 @@ class DualSolve {
   }
   /// False where it is full, the set has the row already (as a combination), or the time is up.
   bool append(std::uint32_t row, std::int8_t side) {
-    if (w.count == DualQp::kMost) return false;
+    if (w.count == DualQp::kMost || (w.count % 8 == 7 && late())) return false;
     const std::uint16_t slot = column_of(row);
     if (slot == DualQp::kNone) return false;
     const double left = reduce(row, column(slot));
@@ -315,6 +316,7 @@ class DualSolve {
     double y = 0.0;
     while (!late()) {
       const double left = reduce(row, response);
+      if (!std::isfinite(left)) return Step::full;  // an unstable model over a long horizon: nothing is proven
       const bool free = independent(left, row, response);
       double direction[DualQp::kMost];
       for (std::uint32_t i = 0; i < w.count; ++i) direction[i] = -response[w.active[i].row];

@@ -54,9 +54,10 @@ bool take_matrices(DualQp& work, const LqProblem& problem);
 /// Drops the sets of the first `steps` stages; the last one's is repeated.
 void shift_active_set(DualQp& work, const LqProblem& sizes, std::uint32_t steps);
 
-/// Starts from the set in `held` and leaves its own there. Solved, but for what complete_multipliers adds; infeasible: inputs are within their bounds and states
-/// follow from them; broken; capped: for another method, `solution.x` and `.u` are as they were. The clock is read
-/// before every column and every ten microseconds of other work, so a deadline is exceeded by one pass over the stages.
+/// Starts from the set in `held` and leaves its own there. Solved, but for what complete_multipliers adds; infeasible:
+/// inputs are within their bounds and states follow from them; broken; capped: for another method, `solution.x` and
+/// `.u` are as they were. The clock is read before every new column, every eight bounds of a set and every ten
+/// microseconds of other work, so a deadline is exceeded by one pass over the stages.
 QpReport solve_dual_set(DualQp& work, const Qp& qp, const QpLimits& limits, QpSolution& solution);
 
 }  // namespace tiller

@@ -68,6 +68,7 @@ bool FilterAdequacy::sees_change() {
     return true;
   }
   if (trial_ == 0 || --trial_ > 0) return false;
+  wait_ = 0;
   next_wait_ = kShortestWait;
   if (test_->state() == tiller_adequacy_inadequate) test_->withdraw();
   return false;
