@@ -148,5 +148,19 @@ TEST(StackUse, TheLargestModelStaysWithinTheBoundWithEveryPlannerAndEngine) {
   expect_within_bound(c, "largest model, LQR beyond the horizon", 320 * 1024);
 }
 
+/// A bound of an image is told for what the image holds, and for nothing else.
+TEST(StackUse, TellsTheBoundOfAnImageForItsModelAlone) {
+  tiller::Config c;
+  ASSERT_EQ(tiller_config_default(&c, tiller_find_model("pendulum")), tiller_status_ok);
+  c.posterior.kind = tiller_posterior_filter;
+  EXPECT_GT(stack_bound(c).init_bytes, stack_bound(c).tick_bytes);
+  EXPECT_GT(stack_bound(c).tick_bytes, 0u);
+  c.posterior.kind = tiller_posterior_transition;
+  EXPECT_EQ(stack_bound(c).tick_bytes, 0u);
+  ASSERT_EQ(tiller_config_default(&c, tiller_find_model("cart_pole")), tiller_status_ok);
+  c.posterior.kind = tiller_posterior_filter;
+  EXPECT_EQ(stack_bound(c).tick_bytes, 0u);
+}
+
 }  // namespace
 }  // namespace tiller::tools

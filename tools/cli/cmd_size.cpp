@@ -49,8 +49,8 @@ void print_table(const RobotFile& robot, const Report& r) {
   std::printf("\n  stack of the calling thread, measured here\n");
   std::printf("    %-20s  %11zu\n", "tiller_init", r.stack.init_bytes);
   std::printf("    %-20s  %11zu\n", "tiller_tick", r.stack.tick_bytes);
-  if (const StackBound bound = stack_bound(robot.config.model->name); bound.tick_bytes > 0) {
-    std::printf("\n  stack on a Cortex-M7, a bound by the calls of tests/cortex_m\n");
+  if (const StackBound bound = stack_bound(robot.config); bound.tick_bytes > 0) {
+    std::printf("\n  stack on a Cortex-M7, a bound for up to 12 states\n");
     std::printf("    %-20s  %11zu\n", "tiller_init", bound.init_bytes);
     std::printf("    %-20s  %11zu\n", "tiller_tick", bound.tick_bytes);
   }
@@ -84,7 +84,7 @@ void print_json(const RobotFile& robot, const Report& r) {
   out["block_bytes"] = r.total;
   for (std::uint32_t i = 0; i < r.parts.count; ++i) out["parts"][r.parts.part[i].name] = r.parts.part[i].bytes;
   out["stack_bytes"] = {{"init", r.stack.init_bytes}, {"tick", r.stack.tick_bytes}};
-  if (const StackBound bound = stack_bound(robot.config.model->name); bound.tick_bytes > 0)
+  if (const StackBound bound = stack_bound(robot.config); bound.tick_bytes > 0)
     out["cortex_m7_stack_bound_bytes"] = {{"init", bound.init_bytes}, {"tick", bound.tick_bytes}};
   out["model_steps_per_tick"] = {{"mean", work_json(r.mean)}, {"most", work_json(r.most)}};
   out["cortex_m7_instructions_per_tick"] = {{"mean", r.instructions}, {"most", r.most_instructions}};

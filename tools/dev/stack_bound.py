@@ -238,8 +238,10 @@ def read_dump(text, source, dumps):
     for body in re.split(r"^;; Function ", text, flags=re.MULTILINE)[1:]:
         printed, name = re.match(r"(.*?) \((\S+), funcdef_no", body).groups()
         dump = dumps[name][source]
-        start = body.index("\n{\n")
-        types, names = parameters_of(body[:start].rstrip().splitlines()[-1], printed)
+        start = body.index(")\n{\n") + 1
+        head = body[:start].splitlines()
+        first = max(i for i, line in enumerate(head) if f"{printed} (" in line)
+        types, names = parameters_of(" ".join(head[first:]), printed)
         dump.types.add(types)
         declared = {key: part for key, part in names}
         for line in body[start:].splitlines():

@@ -101,8 +101,9 @@ bool measure_stack(const tiller_config_t& given, std::uint32_t ticks, StackUse& 
   return true;
 }
 
-StackBound stack_bound(const std::string& model) {
+StackBound stack_bound(const tiller_config_t& config) {
   StackBound bound;
+  const std::string model = config.posterior.kind == tiller_posterior_filter ? config.model->name : "";
   const auto take = [&](const char* of, const std::string& call, std::size_t bytes) {
     if (model == of) (call == "tiller_init" ? bound.init_bytes : bound.tick_bytes) = bytes;
   };

@@ -41,10 +41,10 @@ struct StackUse {
 /// windows. What helper threads of a parallel_for take is a part of it. False with the reason in `error`.
 bool measure_stack(const tiller_config_t& config, std::uint32_t ticks, StackUse& use, std::string& error);
 
-/// Bounds on a Cortex-M7 by the calls of an image (stack_bounds.def); zeros for a model that none has.
+/// Bounds on a Cortex-M7 by the calls of an image (stack_bounds.def); zeros for a model or an engine that none has.
 struct StackBound {
   std::size_t init_bytes = 0, tick_bytes = 0;
 };
-StackBound stack_bound(const std::string& model);
+StackBound stack_bound(const tiller_config_t& config);
 
 }  // namespace tiller::tools
