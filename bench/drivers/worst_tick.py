@@ -26,7 +26,7 @@ ROWS = ROOT / "build/bench/worst_tick.csv"
 RECORD = ROOT / "tests/cortex_m/worst_ticks.csv"
 # What a change of the code or of the compiler may move before the search has to be run anew with --write.
 TOLERANCE = 0.05
-FIELDS = ["image", "planner", "kind", "seed", "inputs", "median", "random", "most", "tick", "genes"]
+FIELDS = ["image", "planner", "kind", "seed", "inputs", "median", "random", "most", "tick", "values"]
 
 
 def planners():
@@ -51,9 +51,9 @@ def emulate(image, *numbers):
 
 def search(kind, inputs, seed):
     out = emulate(IMAGE, kind, inputs, seed)
-    best = re.findall(r"^planner \d+ input \d+ most (\d+) tick (\d+) genes ([\d ]+)$", out, re.MULTILINE)[-1]
+    best = re.findall(r"^planner \d+ input \d+ most (\d+) tick (\d+) values ([\d ]+)$", out, re.MULTILINE)[-1]
     median, random = re.search(r"median (\d+) random (\d+) most", out).groups()
-    return {"median": median, "random": random, "most": best[0], "tick": best[1], "genes": best[2]}
+    return {"median": median, "random": random, "most": best[0], "tick": best[1], "values": best[2]}
 
 
 def run_again(image):
@@ -63,11 +63,11 @@ def run_again(image):
     with RECORD.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     for row in rows:
-        out = emulate(image, row["kind"], 0, *row["genes"].split())
+        out = emulate(image, row["kind"], 0, *row["values"].split())
         if "refused: " in out:  # this image is without the planner
             continue
         told = int(re.search(r" most (\d+) tick", out)[1])
-        again = count > 0 or emulate(image, row["kind"], 0, *row["genes"].split()) == out  # once is enough
+        again = count > 0 or emulate(image, row["kind"], 0, *row["values"].split()) == out  # once is enough
         share = told / int(row["most"]) - 1.0
         count += 1
         good = good and again and abs(share) <= TOLERANCE

@@ -1,7 +1,7 @@
 // The input that costs a tick of a planner the most instructions: looked for, or run again as found.
 //   tiller 4 200 7            planner 4 (ilqr): 200 inputs by the seed 7, a half of them random, the rest near the best
 //   tiller 4 0 g0 g1 ...      this input alone
-// An input is a row of numbers 0..65535, see Gene: where the pendulum starts, what its plant is like, pushes, goals, and
+// An input is a row of numbers 0..65535, see Entry: where the pendulum starts, what its plant is like, pushes, goals, and
 // what its sensor does. With -icount instructions are counted, the same in every run.
 
 #include <cmath>
@@ -19,7 +19,7 @@ constexpr std::uint32_t kTicks = 24;  // the window of the filter (16) fills, an
 constexpr std::uint32_t kRoom = 4096;
 constexpr double kPi = 3.141592653589793;
 
-enum Gene : std::uint32_t {
+enum Entry : std::uint32_t {
   kStart,
   kRate,
   kMass,
@@ -38,9 +38,9 @@ enum Gene : std::uint32_t {
   kOutlier,  // one reading beside the truth
   kSilenceTick,
   kSilence,  // ticks without a reading
-  kGenes
+  kEntries
 };
-using Genome = std::uint32_t[kGenes];
+using Input = std::uint32_t[kEntries];
 
 struct Random {
   std::uint64_t state;
@@ -53,8 +53,8 @@ struct Random {
   std::uint32_t below(std::uint32_t n) { return static_cast<std::uint32_t>((next() >> 32) * n >> 32); }
 };
 
-double within(std::uint32_t gene, double low, double high) { return low + (high - low) * gene / 65535.0; }
-std::uint32_t tick_of(std::uint32_t gene) { return gene * kTicks / 65536u; }
+double within(std::uint32_t value, double low, double high) { return low + (high - low) * value / 65535.0; }
+std::uint32_t tick_of(std::uint32_t value) { return value * kTicks / 65536u; }
 
 /// Instructions of one tick; the timer counts every 40 ns, and with -icount shift=7 an instruction takes 128 ns.
 std::uint32_t since(std::uint32_t before) {
@@ -69,7 +69,7 @@ std::uint32_t seen[kRoom], seen_count = 0;
 
 const char* refused = nullptr;
 
-Outcome run(std::uint32_t planner, const Genome& g) {
+Outcome run(std::uint32_t planner, const Input& g) {
   static tiller::Config config;
   const bool policy = planner == tiller_planner_policy;
   const bool samples = planner < tiller_planner_ilqr || planner == tiller_planner_hybrid;
@@ -127,13 +127,13 @@ void number(const char* what, std::uint64_t value) {
   board::print_number(value);
 }
 
-void print_row(std::uint32_t planner, std::uint32_t evaluation, const Outcome& outcome, const Genome& g) {
+void print_row(std::uint32_t planner, std::uint32_t evaluation, const Outcome& outcome, const Input& g) {
   number("planner ", planner);
   number(" input ", evaluation);
   number(" most ", outcome.most);
   number(" tick ", outcome.at_tick);
-  board::print(" genes");
-  for (const std::uint32_t gene : g) number(" ", gene);
+  board::print(" values");
+  for (const std::uint32_t value : g) number(" ", value);
   board::print("\n");
 }
 
@@ -148,25 +148,25 @@ std::uint32_t median() {
   return seen_count > 0 ? seen[seen_count / 2] : 0;
 }
 
-/// A few genes drawn anew, or moved a little.
-void change(Genome& g, Random& random) {
+/// A few values drawn anew, or moved a little.
+void change(Input& g, Random& random) {
   for (std::uint32_t times = 1 + random.below(3); times > 0; --times) {
-    std::uint32_t& gene = g[random.below(kGenes)];
+    std::uint32_t& value = g[random.below(kEntries)];
     if (random.below(2) == 0)
-      gene = random.below(65536);
+      value = random.below(65536);
     else
-      gene = (gene + 65536u + random.below(4097) - 2048u) & 0xffffu;
+      value = (value + 65536u + random.below(4097) - 2048u) & 0xffffu;
   }
 }
 
 void search(std::uint32_t planner, std::uint32_t inputs, std::uint64_t seed) {
   Random random{seed};
-  Genome best = {}, tried;
+  Input best = {}, tried;
   Outcome most;
   std::uint32_t ordinary = 0, of_random = 0;
   for (std::uint32_t i = 0; i < inputs && refused == nullptr; ++i) {
     if (i < inputs / 2) {
-      for (std::uint32_t& gene : tried) gene = random.below(65536);
+      for (std::uint32_t& value : tried) value = random.below(65536);
     } else {
       if (i == inputs / 2) ordinary = median(), of_random = most.most;
       std::memcpy(tried, best, sizeof best);
@@ -188,17 +188,17 @@ void search(std::uint32_t planner, std::uint32_t inputs, std::uint64_t seed) {
 }  // namespace
 
 int main() {
-  static std::uint32_t given[3 + kGenes];
-  const std::size_t count = board::arguments(given, 3 + kGenes);
+  static std::uint32_t given[3 + kEntries];
+  const std::size_t count = board::arguments(given, 3 + kEntries);
   board::start_timer();
   if (count == 3 && given[1] > 0) {
     search(given[0], given[1], given[2]);
-  } else if (count == 2 + kGenes) {
-    Genome g;
+  } else if (count == 2 + kEntries) {
+    Input g;
     std::memcpy(g, given + 2, sizeof g);
     print_row(given[0], 0, run(given[0], g), g);
   } else {
-    board::print("worst_tick: PLANNER INPUTS SEED, or PLANNER 0 and the genes of one input\n");
+    board::print("worst_tick: PLANNER INPUTS SEED, or PLANNER 0 and the values of one input\n");
     return 1;
   }
   if (refused == nullptr) return 0;
