@@ -20,6 +20,7 @@ import re
 import struct
 import subprocess
 import sys
+import tempfile
 
 LINE = re.compile(r"^ *([0-9a-f]+):\t(\S+)(?:\t([^@]*))?")
 LABEL = re.compile(r"^([0-9a-f]+) <(.+)>:$")
@@ -308,10 +309,9 @@ class Image:
         return [by_source[source]] if source in by_source else list(by_source.values())
 
     def read_data(self, path, prefix):
-        binary = pathlib.Path(str(path) + ".stack_bound.bin")
-        run(prefix + "objcopy", "-O", "binary", str(path), str(binary))
-        data = binary.read_bytes()
-        binary.unlink()
+        with tempfile.NamedTemporaryFile() as binary:
+            run(prefix + "objcopy", "-O", "binary", str(path), binary.name)
+            data = pathlib.Path(binary.name).read_bytes()
         self.words = struct.unpack(f"<{len(data) // 4}I", data[:len(data) // 4 * 4])
         taken_at = {word - 1 for word in self.words if word & 1} & set(self.functions)
         halves = {"movw": set(), "movt": {0}}
@@ -365,7 +365,8 @@ class Image:
         """(bytes, path) of the deepest stack below `root`; refuses recursion, by the names of its circle."""
         if root in above:
             circle = above[above.index(root):] + (root,)
-            refuse("recursion: " + " -> ".join(f"{self.names[at]} ({self.sources.get(at) or 'any file'})" for at in circle))
+            names = [f"{self.names[at]} ({self.sources.get(at) or 'any file'})" for at in circle]
+            refuse("recursion: " + " -> ".join(names))
         if root not in known:
             function = self.functions[root]
             again = 0
@@ -425,6 +426,10 @@ def print_pointers(image):
     for called, callers in sorted(image.open.items()):
         print(f"    {called[0]} ({', '.join(called[1:])}): from "
               f"{', '.join(sorted({short(image.names[at]) for at in callers}))}")
+    if image.untyped:
+        print("\n  whose address is taken and whose type no dump has: not counted as called through pointers")
+    for at in sorted(image.untyped):
+        print(f"    {short(image.names[at])}")
     if image.unresolved:
         print("\n  calls through pointers that are not resolved: no bound")
     for function, why in image.unresolved:
