@@ -239,6 +239,7 @@ void iterate(Ilqr& s, const PlanRequest& request, PlanResult& result) {
 
 PlanResult plan(void* self, const PlanRequest& request, double* command) {
   Ilqr& s = *static_cast<Ilqr*>(self);
+  if (s.cone_tree) return plan_sqp_tree(*s.cone_tree, request, command);
   if (s.tree) return plan_tree(*s.tree, request, command);
   PathPlan& p = s.plan;
   PlanResult result;
@@ -273,7 +274,9 @@ void prepare(void* self, const PlanRequest& expected) {
 
 void reset(void* self) {
   Ilqr& s = *static_cast<Ilqr*>(self);
-  if (s.tree)
+  if (s.cone_tree)
+    reset_sqp_tree(*s.cone_tree);
+  else if (s.tree)
     reset_tree(*s.tree);
   else
     reset_ilqr(s);
@@ -290,15 +293,14 @@ void* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setu
     return plain;
   }
   auto* s = arena.take<Ilqr>(1);
-  ScenarioTree* tree = nullptr;
-  if (config.safety.cone_count > 0) {  // the tree's own solver knows the inputs' limits alone
-    SqpTree* const with_cones = lay_out_sqp_tree(arena, config, setup, table);
-    tree = with_cones ? with_cones->tree : nullptr;
-  } else {
-    tree = lay_out_tree(arena, config, setup, table);
-  }
+  // the tree's own solver knows the inputs' limits alone
+  SqpTree* const cones = config.safety.cone_count > 0 ? lay_out_sqp_tree(arena, config, setup, table) : nullptr;
+  ScenarioTree* const tree = config.safety.cone_count == 0 ? lay_out_tree(arena, config, setup, table)
+                             : cones                       ? cones->tree
+                                                           : nullptr;
   if (!s || !tree) return nullptr;
   s->tree = tree;
+  s->cone_tree = cones;
   return s;
 }
 

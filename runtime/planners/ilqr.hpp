@@ -7,10 +7,12 @@ namespace tiller {
 
 struct Escape;
 struct ScenarioTree;
+struct SqpTree;
 
 /// Iterative LQR: see ilqr.cpp. Also the second half of `hybrid`.
 struct Ilqr {
   ScenarioTree* tree = nullptr;  // plans in the place of everything below where it is set
+  SqpTree* cone_tree = nullptr;  // and where inputs have cones, this around it
   Escape* escape = nullptr;      // of the planner `ilqr`; null in `hybrid`, which has a scout of its own, and in scouts
   PathPlan plan;
   double cost = 0.0;  // of the path under the risk; infinity: not known

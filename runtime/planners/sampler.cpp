@@ -33,7 +33,7 @@ void shift_plan(Sampler& s, std::uint64_t tick) {
     fill_grid(s.clock, s.first_step, s.fraction);
   }
   s.last_tick = tick;
-  s.cold = !s.has_plan;
+  s.cold = s.cold || !s.has_plan;
   s.has_plan = true;
 }
 
@@ -382,7 +382,10 @@ PlanResult plan_by_sampling(void* self, const PlanRequest& request, double* comm
     if (s.loop) begin_loop(s);
     s.method->begin(s);
     result.iterations = iterate(s, result);
-    if (result.iterations > 0) result.cost = s.method->choose(s) + s.reference;
+    if (result.iterations > 0) {
+      result.cost = s.method->choose(s) + s.reference;
+      s.cold = false;  // a tick without time leaves the first plan to the next
+    }
   } else {
     result.status = tiller_status_plan_not_finite;
   }

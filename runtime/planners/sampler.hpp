@@ -98,7 +98,7 @@ struct Sampler {
   std::uint64_t last_tick = 0;
   std::uint32_t gone = 0;  // knots that fell off since the method last set it to 0
   bool has_plan = false;
-  bool cold = false;  // the present plan is the first
+  bool cold = false;  // no plan has had an iteration yet
 
   // ---- one plan
   const PlanRequest* request = nullptr;

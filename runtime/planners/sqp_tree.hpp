@@ -6,11 +6,11 @@
 
 namespace tiller {
 
-/// sqp on a tree of scenarios (scenario_tree.hpp), and ilqr where inputs have cones: bounds on states, on inputs and on their changes, and cones of
-/// inputs, hold in the shared periods and in every branch, each with its own margins. One program an iteration
-/// (qp/qp_tree.hpp): an active set over the inputs' limits, and where more is in the way, an interior point over all of
-/// the tree. Single shooting; what bounds on states are exceeded by counts in the line search with the program's own
-/// penalty.
+/// sqp on a tree of scenarios (scenario_tree.hpp), and ilqr where inputs have cones: bounds on states, on inputs and on
+/// their changes, and cones of inputs, hold in the shared periods and in every branch, each with its own margins. One
+/// program an iteration (qp/qp_tree.hpp): an active set over the inputs' limits, and where more is in the way, an
+/// interior point over all of the tree. Single shooting; what bounds on states are exceeded by counts in the line
+/// search with the program's own penalty.
 ///
 /// Weights. The branches enter the trunk under the risk's weights. With bounds on states no weight is below a
 /// thousandth of an equal share: the trunk has to leave each hypothesis a way within its bounds, costly or not. The

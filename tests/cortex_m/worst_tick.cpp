@@ -1,8 +1,8 @@
 // The input that costs a tick of a planner the most instructions: looked for, or run again as found.
 //   tiller 4 200 7            planner 4 (ilqr): 200 inputs by the seed 7, a half of them random, the rest near the best
 //   tiller 4 0 g0 g1 ...      this input alone
-// An input is a row of numbers 0..65535, see Entry: where the pendulum starts, what its plant is like, pushes, goals, and
-// what its sensor does. With -icount instructions are counted, the same in every run.
+// An input is a row of numbers 0..65535, see Entry: where the pendulum starts, what its plant is like, pushes, goals,
+// and what its sensor does. With -icount instructions are counted, the same in every run.
 
 #include <cmath>
 #include <cstring>

@@ -178,6 +178,27 @@ TEST(DualSet, stops_at_its_deadline_before_the_next_column) {
   }
 }
 
+/// Time is up before a program with other matrices is begun, and the one after it has these again.
+TEST(DualSet, a_factor_is_only_of_its_matrices) {
+  OwnedQp p = random_hard_qp(272);
+  RiccatiSolver s(p);
+  ASSERT_EQ(s.dual(p).status, QpStatus::solved);
+  for (double& b : p.b) b *= 1.1;
+  for (double& r : p.quu) r *= 1.1;
+  CountingClock clock;
+  tiller_hooks_t hooks{};
+  hooks.now_ns = &CountingClock::now;
+  hooks.context = &clock;
+  clock.work = &s.work.dual;
+  s.limits.deadline.hooks = &hooks;
+  s.limits.deadline.deadline_ns = clock.deadline = 1;
+  ASSERT_EQ(s.dual(p).status, QpStatus::capped);
+  s.limits.deadline = {};
+  p.qp.repeats = true;
+  ASSERT_EQ(s.dual(p).status, QpStatus::solved);
+  EXPECT_LE(kkt_residual(p.qp, s.solution).worst(), 1e-9);
+}
+
 /// An integrator whose next state is its input, so that a state's bound and an input's are one and the same: the set
 /// cannot hold both, and needs no more than one.
 TEST(DualSet, bounds_that_say_the_same_twice) {

@@ -38,8 +38,9 @@ TEST(Qp, random_feasible_problems_meet_the_optimality_conditions) {
               worst, worst_interior, most, by_active_set);
 }
 
-/// As sqp solves programs from tick to tick: by sweeps from the shifted set, and whole where they do not settle or states
-/// leave their bounds. Sets are right, wrong and of another program, and every program still meets its conditions.
+/// As sqp solves programs from tick to tick: by sweeps from the shifted set, and whole where they do not settle or
+/// states leave their bounds. Sets are right, wrong and of another program, and every program still meets its
+/// conditions.
 TEST(Qp, sweeps_from_a_shifted_set_meet_the_optimality_conditions) {
   double worst = 0.0;
   std::uint32_t swept = 0, whole = 0;

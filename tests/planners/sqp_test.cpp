@@ -124,8 +124,8 @@ TEST(Sqp, one_program_solves_a_linear_problem_with_bounds) {
   }
 }
 
-/// A mass on an axis with active bounds on speed and changes: every program is the dual set's, no worse than the interior
-/// point's, and of this model, which is linear, the columns stay from tick to tick.
+/// A mass on an axis with active bounds on speed and changes: every program is the dual set's, no worse than the
+/// interior point's, and of this model, which is linear, the columns stay from tick to tick.
 TEST(Sqp, whole_programs_are_the_dual_sets) {
   tiller::Config c = line_sqp();
   c.model = tiller_find_model("linear_axis");

@@ -26,8 +26,8 @@ bool states_within(const Qp& qp, const QpSolution& solution);
 void shift_active_set(ActiveSetQp& work, const LqProblem& sizes, std::uint32_t steps);
 
 /// Whole programs, bounds on states and all, by size and structure: the dual active set where columns are short
-/// (worth_dual_set) and there are no cones; where there is none, or it gives up (a soft bound exceeded, too many bounds,
-/// the deadline), the interior point. Past the deadline the caller's inputs are kept within their bounds.
+/// (worth_dual_set) and there are no cones; where there is none, or it gives up (a soft bound exceeded, too many
+/// bounds, the deadline), the interior point. Past the deadline the caller's inputs are kept within their bounds.
 struct RiccatiQp {
   DualQp dual;
   InteriorPoint interior;

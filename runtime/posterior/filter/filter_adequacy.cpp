@@ -12,9 +12,9 @@ constexpr std::uint32_t kLanes = FilterChunk::kLanes;
 /// Who has explained the data for so many ticks after an alarm has been right.
 constexpr std::uint32_t kTrial = 1024;
 /// An alarm within so many ticks of learning again is no change of the robot: no parameters explain it, or it came in
-/// the middle of something else. If it lasts, the posterior tries again, after twice as long every time: a model that
-/// lacks an effect is not for ever in doubt, and what was learnt in a bad moment not for ever believed.
-constexpr std::uint32_t kShortestWait = 256, kLongestWait = 1u << 16;
+/// the middle of something else. If it lasts, the posterior tries again, after twice as long every time, up
+/// to a trial: what was learnt in a bad moment is not for ever believed.
+constexpr std::uint32_t kShortestWait = 256, kLongestWait = kTrial;
 
 }  // namespace
 
@@ -68,7 +68,6 @@ bool FilterAdequacy::sees_change() {
     return true;
   }
   if (trial_ == 0 || --trial_ > 0) return false;
-  wait_ = 0;
   next_wait_ = kShortestWait;
   if (test_->state() == tiller_adequacy_inadequate) test_->withdraw();
   return false;

@@ -153,7 +153,8 @@ void FilterPosterior::take_back() {
 }
 
 /// All filters go on from where the one is that looks out for sudden forces, in a window that begins there: what is
-/// left of the one before, the ticks under suspicion apart, goes into the past. The banks of jumps go on: a parameter's jump looks like a shove at first, and they have their own filters to tell.
+/// left of the one before, the ticks under suspicion apart, goes into the past. The banks of jumps go on: a parameter's
+/// jump looks like a shove at first, and they have their own filters to tell.
 void FilterPosterior::go_on_pushed() {
   window_.drop_newest(sure_end_);
   past_.retire(window_, 0, tools());
