@@ -275,8 +275,7 @@ struct HoverSolver {
   }
   void solve() {
     hover.qp.repeats = false;
-    std::fill_n(riccati.set.held, bench::Hover::kHorizon * bench::Hover::kInputs, std::int8_t{0});
-    std::fill_n(riccati.dual.held, (bench::Hover::kHorizon + 1) * bench::Hover::kStates, std::int8_t{0});
+    forget_active_set(riccati.dual);
     std::fill_n(solution.u, bench::Hover::kHorizon * bench::Hover::kInputs, 0.0);
     if (solve_riccati_qp(riccati, hover.qp, QpLimits{}, solution).status != QpStatus::solved) std::abort();
   }
