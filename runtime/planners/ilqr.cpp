@@ -237,9 +237,28 @@ void iterate(Ilqr& s, const PlanRequest& request, PlanResult& result) {
   if (!std::isfinite(s.cost)) result.status = tiller_status_plan_not_finite;
 }
 
+/// The tree's own solver knows the inputs' limits alone: their cones are for the program of `sqp`. In a build without it
+/// rollouts are cut to the cones.
+#ifdef TILLER_HAS_SQP
+constexpr bool kConeTrees = true;
+SqpTree* lay_out_cone_tree(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
+                           const RolloutTable& table) {
+  return config.safety.cone_count > 0 ? lay_out_sqp_tree(arena, config, setup, table) : nullptr;
+}
+PlanResult plan_cone_tree(SqpTree& s, const PlanRequest& request, double* command) {
+  return plan_sqp_tree(s, request, command);
+}
+void reset_cone_tree(SqpTree& s) { reset_sqp_tree(s); }
+#else
+constexpr bool kConeTrees = false;
+SqpTree* lay_out_cone_tree(Arena&, const tiller_config_t&, const StepSetup&, const RolloutTable&) { return nullptr; }
+PlanResult plan_cone_tree(SqpTree&, const PlanRequest&, double*) { return {}; }
+void reset_cone_tree(SqpTree&) {}
+#endif
+
 PlanResult plan(void* self, const PlanRequest& request, double* command) {
   Ilqr& s = *static_cast<Ilqr*>(self);
-  if (s.cone_tree) return plan_sqp_tree(*s.cone_tree, request, command);
+  if (s.cone_tree) return plan_cone_tree(*s.cone_tree, request, command);
   if (s.tree) return plan_tree(*s.tree, request, command);
   PathPlan& p = s.plan;
   PlanResult result;
@@ -275,7 +294,7 @@ void prepare(void* self, const PlanRequest& expected) {
 void reset(void* self) {
   Ilqr& s = *static_cast<Ilqr*>(self);
   if (s.cone_tree)
-    reset_sqp_tree(*s.cone_tree);
+    reset_cone_tree(*s.cone_tree);
   else if (s.tree)
     reset_tree(*s.tree);
   else
@@ -293,11 +312,9 @@ void* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setu
     return plain;
   }
   auto* s = arena.take<Ilqr>(1);
-  // the tree's own solver knows the inputs' limits alone
-  SqpTree* const cones = config.safety.cone_count > 0 ? lay_out_sqp_tree(arena, config, setup, table) : nullptr;
-  ScenarioTree* const tree = config.safety.cone_count == 0 ? lay_out_tree(arena, config, setup, table)
-                             : cones                       ? cones->tree
-                                                           : nullptr;
+  SqpTree* const cones = lay_out_cone_tree(arena, config, setup, table);
+  const bool with_cones = kConeTrees && config.safety.cone_count > 0;
+  ScenarioTree* const tree = !with_cones ? lay_out_tree(arena, config, setup, table) : cones ? cones->tree : nullptr;
   if (!s || !tree) return nullptr;
   s->tree = tree;
   s->cone_tree = cones;
