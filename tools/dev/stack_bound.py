@@ -254,6 +254,8 @@ def read_dump(text, source, dumps):
             for slot in VIRTUAL.findall(line):
                 dump.slots.add(int(slot))
             for variable in CALL_BY_SSA.findall(line):
+                if variable.startswith("__atomic_"):  # instructions, or a direct call that the disassembly has
+                    continue
                 text_of = declared.get(variable) or declared.get(re.sub(r"_\d+$", "", variable))
                 called = type_of_pointer(text_of) if text_of else None
                 if called is None:
