@@ -237,28 +237,18 @@ void iterate(Ilqr& s, const PlanRequest& request, PlanResult& result) {
   if (!std::isfinite(s.cost)) result.status = tiller_status_plan_not_finite;
 }
 
-/// The tree's own solver knows the inputs' limits alone: their cones are for the program of `sqp`. In a build without it
-/// rollouts are cut to the cones.
+/// The tree's own solver knows the inputs' limits alone: their cones are for the program of `sqp`. A build without it
+/// cuts rollouts to the cones.
 #ifdef TILLER_HAS_SQP
 constexpr bool kConeTrees = true;
-SqpTree* lay_out_cone_tree(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
-                           const RolloutTable& table) {
-  return config.safety.cone_count > 0 ? lay_out_sqp_tree(arena, config, setup, table) : nullptr;
-}
-PlanResult plan_cone_tree(SqpTree& s, const PlanRequest& request, double* command) {
-  return plan_sqp_tree(s, request, command);
-}
-void reset_cone_tree(SqpTree& s) { reset_sqp_tree(s); }
 #else
 constexpr bool kConeTrees = false;
-SqpTree* lay_out_cone_tree(Arena&, const tiller_config_t&, const StepSetup&, const RolloutTable&) { return nullptr; }
-PlanResult plan_cone_tree(SqpTree&, const PlanRequest&, double*) { return {}; }
-void reset_cone_tree(SqpTree&) {}
 #endif
 
 PlanResult plan(void* self, const PlanRequest& request, double* command) {
   Ilqr& s = *static_cast<Ilqr*>(self);
-  if (s.cone_tree) return plan_cone_tree(*s.cone_tree, request, command);
+  if constexpr (kConeTrees)
+    if (s.cone_tree) return plan_sqp_tree(*s.cone_tree, request, command);
   if (s.tree) return plan_tree(*s.tree, request, command);
   PathPlan& p = s.plan;
   PlanResult result;
@@ -293,12 +283,10 @@ void prepare(void* self, const PlanRequest& expected) {
 
 void reset(void* self) {
   Ilqr& s = *static_cast<Ilqr*>(self);
-  if (s.cone_tree)
-    reset_cone_tree(*s.cone_tree);
-  else if (s.tree)
-    reset_tree(*s.tree);
-  else
-    reset_ilqr(s);
+  if constexpr (kConeTrees)
+    if (s.cone_tree) return reset_sqp_tree(*s.cone_tree);
+  if (s.tree) return reset_tree(*s.tree);
+  reset_ilqr(s);
   if (s.escape) reset_escape(*s.escape);
 }
 
@@ -312,12 +300,17 @@ void* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setu
     return plain;
   }
   auto* s = arena.take<Ilqr>(1);
-  SqpTree* const cones = lay_out_cone_tree(arena, config, setup, table);
-  const bool with_cones = kConeTrees && config.safety.cone_count > 0;
-  ScenarioTree* const tree = !with_cones ? lay_out_tree(arena, config, setup, table) : cones ? cones->tree : nullptr;
+  SqpTree* cone_tree = nullptr;
+  ScenarioTree* tree = nullptr;
+  if (kConeTrees && config.safety.cone_count > 0) {
+    if constexpr (kConeTrees) cone_tree = lay_out_sqp_tree(arena, config, setup, table);
+    if (cone_tree) tree = cone_tree->tree;
+  } else {
+    tree = lay_out_tree(arena, config, setup, table);
+  }
   if (!s || !tree) return nullptr;
   s->tree = tree;
-  s->cone_tree = cones;
+  s->cone_tree = cone_tree;
   return s;
 }
 

@@ -18,7 +18,7 @@ constexpr double kWider = 8.0;  // samples for a first plan than those around a 
 /// The old plan, as many periods later as ticks went by (one that pauses in HOLD does not come back stale; one that
 /// is asked again in its tick goes on from where it stands).
 void shift_plan(Sampler& s, std::uint64_t tick) {
-  if (s.has_plan && tick > s.last_tick) {
+  if (!s.cold && tick > s.last_tick) {
     const std::uint64_t ticks = tick - s.last_tick;
     // two horizons later every knot is the last one
     const std::uint64_t most = 2 * s.clock.horizon;
@@ -33,8 +33,6 @@ void shift_plan(Sampler& s, std::uint64_t tick) {
     fill_grid(s.clock, s.first_step, s.fraction);
   }
   s.last_tick = tick;
-  s.cold = s.cold || !s.has_plan;
-  s.has_plan = true;
 }
 
 /// Copies rows of M to a splat per particle and to padded lanes (the padding repeats particle 0).

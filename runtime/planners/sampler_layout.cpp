@@ -170,7 +170,7 @@ Sampler* lay_out_sampler(Arena& arena, const tiller_config_t& config, const Step
 
 void reset_sampler(void* self) {
   Sampler& s = *static_cast<Sampler*>(self);
-  s.has_plan = false;
+  s.cold = true;
   s.lambda = 0.0;
   s.gone = 0;
   if (s.loop) reset_closed_loop(*s.loop);

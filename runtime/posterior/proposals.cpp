@@ -35,10 +35,14 @@ constexpr std::uint64_t kWidening = std::uint64_t{1} << 60;
 template <class Count>
 void sum_moments(const Cloud& cloud, std::uint32_t first_still, std::uint32_t still, Count d, double* mean,
                  double* square) {
-  constexpr std::uint32_t kMost = std::is_same_v<Count, std::uint32_t> ? kMaxCoordinates : Count();
+  constexpr std::uint32_t kKnown = std::is_same_v<Count, std::uint32_t> ? 0 : Count();
+  double own_mean[kKnown + 1], own_square[kKnown * kKnown + 1], off[kKnown ? kKnown : kMaxCoordinates];
+  double *const means = kKnown ? own_mean : mean, *const squares = kKnown ? own_square : square;
   const std::uint32_t n = cloud.n;
   const auto next = [n](std::uint32_t i) { return i + 1 < n ? i + 1 : 0; };
-  double sum = 0.0, means[kMost] = {}, squares[kMost][kMost] = {};
+  std::fill_n(means, d, 0.0);
+  std::fill_n(squares, d * d, 0.0);
+  double sum = 0.0;
   for (std::uint32_t k = 0, i = first_still; k < still; ++k, i = next(i)) {
     sum += cloud.weight[i];
     for (std::uint32_t j = 0; j < d; ++j) means[j] += cloud.weight[i] * cloud.coordinate[j * n + i];
@@ -46,15 +50,13 @@ void sum_moments(const Cloud& cloud, std::uint32_t first_still, std::uint32_t st
   for (std::uint32_t j = 0; j < d; ++j) means[j] /= sum;
   for (std::uint32_t k = 0, i = first_still; k < still; ++k, i = next(i)) {
     const double share = cloud.weight[i] / sum;
-    double off[kMost];
     for (std::uint32_t j = 0; j < d; ++j) off[j] = cloud.coordinate[j * n + i] - means[j];
     for (std::uint32_t r = 0; r < d; ++r)
-      for (std::uint32_t c = 0; c <= r; ++c) squares[r][c] += share * off[r] * off[c];
+      for (std::uint32_t c = 0; c <= r; ++c) squares[r * d + c] += share * off[r] * off[c];
   }
-  for (std::uint32_t r = 0; r < d; ++r) {
-    mean[r] = means[r];
-    for (std::uint32_t c = 0; c <= r; ++c) square[r * d + c] = squares[r][c];
-  }
+  if (kKnown == 0) return;
+  std::copy_n(means, d, mean);
+  std::copy_n(squares, d * d, square);
 }
 
 /// Mean (d) and lower Cholesky factor (d x d) of the covariance of the particles that stand still. False:

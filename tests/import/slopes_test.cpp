@@ -84,7 +84,7 @@ TEST(ForceSlopes, AreThoseOfNewtonsAndEulersRecursion) {
   }
 }
 
-// ---- a period with effects -------------------------------------------------------------------------------------------
+// ---- a period with effects ------------------------------------------------------------------------------------------
 
 using Model = tiller::StaticModel<StiffArm>;
 constexpr int kEffectStates = 5, kAll = Model::kStates + kEffectStates + Model::kInputs, kFew = 6;
@@ -156,6 +156,7 @@ tiller::Trajectory<Model, Dual<double, N>> end_of(const tiller::StepSetup& setup
 TEST(SlopedEffects, HaveTheDerivativesOfTheirTexts) {
   std::mt19937 random(11);
   std::uniform_real_distribution<double> unit(-1.0, 1.0);
+  int swept = 0, far = 0;
   for (const tiller_integrator_t integrator :
        {tiller_integrator_semi_implicit_euler, tiller_integrator_midpoint, tiller_integrator_rk4})
     for (int trial = 0; trial < 80; ++trial) {
@@ -163,6 +164,7 @@ TEST(SlopedEffects, HaveTheDerivativesOfTheirTexts) {
       const bool several = trial % 4 < 2;
       // of several joints' friction the wide numbers have the derivatives that the sweeps lead to; five come near
       const double tolerance = several ? 1e-3 : 1e-10;
+      double worst = 0.0;
       const tiller::StepSetup setup = setup_of(integrator, 1 + static_cast<std::uint32_t>(trial % 2), several, params);
       ASSERT_EQ(setup.effect_state_count, static_cast<std::uint32_t>(kEffectStates));
       Start start{};
@@ -175,14 +177,19 @@ TEST(SlopedEffects, HaveTheDerivativesOfTheirTexts) {
         const auto expect = [&](const Dual<double, kAll>& got, const Dual<double, kFew>& wanted, const char* what,
                                 int i) {
           EXPECT_NEAR(got.v, wanted.v, 1e-13 * (1.0 + std::fabs(wanted.v))) << what << " " << i;
-          for (int k = 0; k < kFew && first + k < kAll; ++k)
+          for (int k = 0; k < kFew && first + k < kAll; ++k) {
+            worst = std::fmax(worst, std::fabs(got.d[first + k] - wanted.d[k]) / (1.0 + std::fabs(wanted.d[k])));
             EXPECT_NEAR(got.d[first + k], wanted.d[k], tolerance * (1.0 + std::fabs(wanted.d[k])))
                 << what << " " << i << " by " << first + k << ", integrator " << integrator << ", trial " << trial;
+          }
         };
         tiller::each(Model::nx(), [&](auto i) { expect(wide.x[i], narrow.x[i], "state", i); });
         for (int s = 0; s < kEffectStates; ++s) expect(wide.effect_state[s], narrow.effect_state[s], "effect state", s);
       }
+      swept += several;
+      far += several && worst > 1e-6;
     }
+  EXPECT_LE(far, swept / 10) << "in most trials five sweeps are all that is felt";
 }
 
 }  // namespace

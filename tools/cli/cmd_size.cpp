@@ -124,10 +124,10 @@ void add_size_command(CLI::App& app, int& exit_code) {
   command->add_flag("--json", *json, "as JSON");
   add_override_options(*command, *overrides);
   command->footer(
-      "RAM is exact for this machine; where pointers have 32 bits it is a little less. Stack is measured here, with the\n"
-      "lanes that this processor has: the deepest call that ran. Of models that an image of the project's tests has, a\n"
-      "bound by the calls of that image stands beside it. The model's steps are counted while the controller runs on\n"
-      "its own model; what a step costs was measured on a Cortex-M7 (docs/guide/targets.md).\n\n"
+      "RAM is exact for this machine; where pointers have 32 bits it is a little less. Stack is measured here, with\n"
+      "the lanes that this processor has: the deepest call that ran. Of models that an image of the project's tests\n"
+      "has, a bound by the calls of that image stands beside it. The model's steps are counted while the controller\n"
+      "runs on its own model; what a step costs was measured on a Cortex-M7 (docs/guide/targets.md).\n\n"
       "Examples:\n"
       "  tiller size robots/pendulum.toml\n"
       "      a table\n"
