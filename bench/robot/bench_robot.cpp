@@ -29,6 +29,7 @@ struct Options {
   std::uint64_t commands = 100000000;
   std::uint64_t ticks = 8640000;
   std::uint64_t trials = 1000000;
+  std::uint32_t moves = 8;
   std::string kind;  ///< this one alone
   std::string page;  ///< the table of docs/evidence/faults.md is written between its marks
 };
@@ -96,6 +97,8 @@ void gate(const Options& options, Table& table) {
 void soak(const Options& options, Table& table) {
   SoakCase wrapping;
   wrapping.ticks = options.ticks;
+  wrapping.moves = options.moves;
+  wrapping.progress = true;
   wrapping.first_sequence = 0u - static_cast<std::uint32_t>(options.ticks / 2);
   wrapping.first_stamp_us = (std::int64_t{1} << 32) - static_cast<std::int64_t>(options.ticks / 2) * 10000;
   const SoakOutcome first = run_soak(wrapping), second = run_soak(wrapping);
@@ -116,6 +119,8 @@ void events(const Options& options, Table& table) {
   SoakCase eventful;
   eventful.ticks = options.ticks;
   eventful.eventful = true;
+  eventful.moves = options.moves;
+  eventful.progress = true;
   const SoakOutcome first = run_soak(eventful), second = run_soak(eventful);
   table.heading("soak with events, lockstep at 100 Hz: clocks, silence, masses, pushes, bad readings and calls, stops");
   table.row("ticks", static_cast<double>(first.ticks), "", at_least(1e8));
@@ -194,12 +199,13 @@ int usage() {
   std::fprintf(
       stderr,
       "usage: bench_robot faults|gate|soak|events|integrity|loss [--seeds N] [--commands N] [--ticks N] [--trials N]\n"
-      "         [--kind NAME] [--page FILE]\n"
+      "         [--moves N] [--kind NAME] [--page FILE]\n"
       "  faults  every kind of fault from N seeds on two plants (20); --kind: one\n"
       "          alone; --page writes docs/evidence/faults.md's table\n"
       "  gate    N commands into the output gate (1e8)\n"
       "  soak    N ticks in lockstep, twice (8640000)\n"
-      "  events  the same while something happens every few seconds\n"
+      "  events  the same while something happens every few seconds; --moves of particles a tick (8): with 0\n"
+      "          nothing is learnt again, and a tick takes a fifth of the time\n"
       "  integrity  own frames and messages damaged, repeated, replayed, N trials each (1e6)\n"
       "  loss    the pendulum over an emulated bus that loses frames (20 seeds)\n");
   return 2;
@@ -219,6 +225,8 @@ bool parse(int argc, char** argv, Options& o) {
       o.ticks = number;
     else if (key == "--trials")
       o.trials = number;
+    else if (key == "--moves")
+      o.moves = static_cast<std::uint32_t>(number);
     else if (key == "--kind")
       o.kind = argv[i + 1];
     else if (key == "--page")

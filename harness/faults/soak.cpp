@@ -26,13 +26,13 @@ struct AlignedFree {
   void operator()(void* p) const { ::operator delete (p, std::align_val_t{TILLER_ALIGNMENT}); }
 };
 
-tiller::Config upright(bool eventful) {
+tiller::Config upright(const SoakCase& soak) {
   Setup s = setup_of(Robot::kPendulum, 1);
   tiller::Config& c = s.config;
   c.period_s = kPeriod_s;
   c.initial_state[0] = kPi;
   c.posterior.particles = 16;
-  c.posterior.moves_per_tick = 8;
+  c.posterior.moves_per_tick = soak.moves;
   c.planner.kind = tiller_planner_mppi;
   c.planner.horizon = 20;
   c.planner.knots = 5;
@@ -41,7 +41,8 @@ tiller::Config upright(bool eventful) {
   c.planner.iterations = 1;
   c.cost.terminal = tiller_terminal_lqr;
   c.record_ticks = 16;
-  c.posterior.relearn = c.posterior.disturbance = eventful ? 1 : 0;
+  c.posterior.disturbance = soak.eventful ? 1 : 0;
+  c.posterior.relearn = soak.eventful && soak.moves > 0 ? 1 : 0;
   return c;
 }
 
@@ -92,11 +93,16 @@ void hash_bits(std::uint64_t& hash, double value) {
 
 class Soak {
  public:
-  explicit Soak(const SoakCase& soak) : soak_(soak), config_(upright(soak.eventful)), random_(11) {
+  explicit Soak(const SoakCase& soak) : soak_(soak), config_(upright(soak)), random_(11) {
     const std::size_t size = tiller_size(&config_);
     block_.reset(::operator new (size, std::align_val_t{TILLER_ALIGNMENT}));
-    (void)tiller_init(&controller_, &config_, nullptr, block_.get(), size);
-    (void)tiller_arm(controller_);
+    if (tiller_init(&controller_, &config_, nullptr, block_.get(), size) != tiller_status_ok ||
+        tiller_arm(controller_) != tiller_status_ok) {
+      const char* field = "";
+      (void)tiller_config_check(&config_, &field);
+      std::fprintf(stderr, "soak: the controller does not start: %s\n", field);
+      std::exit(1);
+    }
     out_.hash = 14695981039346656037ull;
     if (soak.eventful) events_ = std::make_unique<SoakEvents>(controller_, config_, bob_, out_);
   }
@@ -111,6 +117,9 @@ class Soak {
         heap = heap_bytes();  // after the other, whose file leaves a buffer in the allocator's cache
       }
       one(k);
+      if (soak_.progress && (k + 1) % std::max<std::uint64_t>(1, soak_.ticks / 20) == 0)
+        std::fprintf(stderr, "%.3g of %.3g ticks, %.0f unsafe\n", static_cast<double>(k + 1),
+                     static_cast<double>(soak_.ticks), static_cast<double>(out_.unsafe));
     }
     const Resident after = resident();
     out_.resident_growth_bytes = after.all - before.all;

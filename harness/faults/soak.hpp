@@ -15,6 +15,10 @@ struct SoakCase {
   /// Something happens every few seconds (SoakEvent); what is believed is asked for in every tick, and the posterior
   /// takes in a force and learns again. About 100 us a tick.
   bool eventful = false;
+  /// Moves of particles a tick (tiller_posterior_config_t::moves_per_tick); without any nothing is learnt again, and an
+  /// eventful tick takes about 20 us.
+  std::uint32_t moves = 8;
+  bool progress = false;  ///< a line on stderr at every twentieth of the ticks
 };
 
 /// What happens in an eventful soak, each for a while, the next some seconds later.

@@ -1,4 +1,6 @@
 // What becomes of a run whose disk is full, or takes no file at all.
+#include <sched.h>
+#include <sys/mount.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -207,6 +209,71 @@ TEST(Recorder, WhereTheDiskEndsTheFileStaysReadable) {
     for (const RecordEntry& entry : run.entries) expect_same(odd_tick(entry.record.tick).entry.record, entry.record);
     std::printf("disk of %llu bytes: %zu ticks\n", static_cast<unsigned long long>(limit), run.entries.size());
   }
+}
+
+/// In a child with a mount table of its own: two small disks, for the log and for temporary files. -1: not permitted.
+template <class Body>
+int with_small_disks(const std::string& folder, const char* log_MB, const char* temporary_MB, const Body& body) {
+  const std::string disk = folder + "/disk", temporary = folder + "/temporary";
+  std::filesystem::create_directories(disk);
+  std::filesystem::create_directories(temporary);
+  const pid_t child = fork();
+  if (child == 0) {
+    const bool apart = unshare(CLONE_NEWNS) == 0 || unshare(CLONE_NEWUSER | CLONE_NEWNS) == 0;
+    const auto mounted = [](const std::string& at, const char* MB) {
+      return mount("tmpfs", at.c_str(), "tmpfs", 0, (std::string("size=") + MB + "m").c_str()) == 0;
+    };
+    if (!apart || mount(nullptr, "/", nullptr, MS_REC | MS_PRIVATE, nullptr) != 0 || !mounted(disk, log_MB) ||
+        !mounted(temporary, temporary_MB))
+      _exit(77);
+    setenv("TMPDIR", temporary.c_str(), 1);
+    _exit(body(disk) ? 0 : 1);
+  }
+  int status = 0;
+  waitpid(child, &status, 0);
+  if (!WIFEXITED(status)) return 2;  // ended by a signal
+  return WEXITSTATUS(status) == 77 ? -1 : WEXITSTATUS(status);
+}
+
+/// A megabyte that is unlike its neighbours.
+std::string megabyte(int i) { return std::string(1 << 20, static_cast<char>('a' + i % 26)); }
+
+/// 24 MB on a disk of 20 MB: what is rescued is the whole, byte for byte.
+TEST(OutputFile, OfAFullDiskTheRescuedCopyIsWhole) {
+  const Folder folder;
+  const int ended = with_small_disks(folder / "", "20", "60", [](const std::string& disk) {
+    OutputFile file;
+    file.open(disk + "/run.log");
+    for (int i = 0; i < 24; ++i) {
+      if (!file.write(megabyte(i))) return false;
+      file.flush();
+    }
+    if (file.close() || file.readable_path().empty()) return false;
+    std::string whole;
+    for (int i = 0; i < 24; ++i) whole += megabyte(i);
+    return bytes_of(file.readable_path()) == whole;
+  });
+  if (ended == -1) GTEST_SKIP() << "no disks of one's own without user namespaces";
+  EXPECT_EQ(ended, 0);
+}
+
+/// A copy that would take more than half of what the other disk has left is not made: that disk may be the memory.
+TEST(OutputFile, ALongLogDoesNotFillTheNextDisk) {
+  const Folder folder;
+  const int ended = with_small_disks(folder / "", "20", "40", [](const std::string& disk) {
+    OutputFile file;
+    file.open(disk + "/run.log");
+    for (int i = 0; i < 24; ++i) {
+      if (!file.write(megabyte(i))) return false;
+      file.flush();
+    }
+    const bool complete = file.close();
+    const bool told = file.message().find("the log is incomplete: free space") != std::string::npos;
+    return !complete && told && file.readable_path().empty() && std::filesystem::is_empty(std::getenv("TMPDIR")) &&
+           std::filesystem::file_size(disk + "/run.log") > (19u << 20);
+  });
+  if (ended == -1) GTEST_SKIP() << "no disks of one's own without user namespaces";
+  EXPECT_EQ(ended, 0);
 }
 
 }  // namespace

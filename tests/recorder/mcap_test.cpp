@@ -1,9 +1,14 @@
 // MCAP files of our own: what goes in comes out to the last bit, and a file that ends anywhere is read up to its last
 // whole chunk.
+#include <zlib.h>
+
 #include <cstring>
 
 #include "run_rig.hpp"
+#include "tools/base/whole_file.hpp"
+#include "tools/logs/mcap_bytes.hpp"
 #include "tools/logs/mcap_reader.hpp"
+#include "tools/logs/mcap_writer.hpp"
 #include "tools/logs/record_file.hpp"
 #include "tools/replay/replay.hpp"
 
@@ -169,6 +174,85 @@ TEST(Mcap, OfAnotherRobotIsTold) {
   EXPECT_NE(error.find("run.mcap: a message of /measurement at 1.000000 s is not what arm.toml expects"),
             std::string::npos)
       << error;
+}
+
+/// A run of days has more chunks than the memory keeps the places of (SpillFile): the summary has every one all the
+/// same, in order, and its CRC.
+TEST(Mcap, TheSummaryOfALongLogHasEveryChunk) {
+  const Folder folder;
+  const std::string path = folder / "long.mcap";
+  constexpr std::uint64_t kChunks = 30000;
+  McapWriter writer;
+  writer.open(path, "test");
+  const std::uint16_t channel = writer.add_channel("/tick", "", writer.add_schema("tick", "", ""));
+  for (std::uint64_t k = 0; k < kChunks; ++k) {
+    writer.add_message(channel, static_cast<std::uint32_t>(k), k, "x");
+    writer.close_chunk();
+  }
+  EXPECT_FALSE(std::filesystem::exists(folder / ".tiller")) << "what is put aside has no name";
+  ASSERT_TRUE(writer.close());
+  const std::string bytes = bytes_of(path);
+  mcap::Cursor footer(bytes.data() + bytes.size() - 37, 37);
+  (void)footer.u8();
+  (void)footer.u64();
+  const std::uint64_t start = footer.u64();
+  (void)footer.u64();
+  ASSERT_LT(start, bytes.size());
+  const std::size_t covered = bytes.size() - 12 - start;  // the CRC and the magic stand behind
+  EXPECT_EQ(footer.u32(), ::crc32_z(0, reinterpret_cast<const unsigned char*>(bytes.data() + start), covered));
+  mcap::Cursor summary(bytes.data() + start, covered);
+  std::uint64_t indexes = 0, size = 0;
+  while (summary.left() > 9) {
+    const std::uint8_t opcode = summary.u8();
+    const std::uint64_t length = summary.u64();
+    const char* content = summary.skip(length);
+    if (opcode == mcap::kFooter) break;  // whose CRC is not covered
+    ASSERT_NE(content, nullptr);
+    if (opcode != mcap::kChunkIndex) continue;
+    size += 9 + length;
+    mcap::Cursor index(content, length);
+    ASSERT_EQ(index.u64(), indexes++) << "the time of its first message";
+    (void)index.u64();
+    const std::uint64_t offset = index.u64();
+    ASSERT_EQ(bytes.at(offset), static_cast<char>(mcap::kChunk));
+  }
+  EXPECT_EQ(indexes, kChunks);
+  EXPECT_GT(size, 2 * SpillFile::kPiece) << "else nothing was put aside";
+}
+
+/// The place for it cannot be had: the log is whole, and readers scan it.
+TEST(SpillFile, WithoutAPlaceItGivesUpAndSaysSo) {
+  SpillFile file;
+  file.open("/proc/none");
+  const std::string piece(SpillFile::kPiece, 'x');
+  EXPECT_TRUE(file.append(piece)) << "the memory holds a megabyte";
+  EXPECT_FALSE(file.append(piece));
+  EXPECT_FALSE(file.append("x"));
+  EXPECT_FALSE(file.whole());
+  EXPECT_FALSE(file.each([](const std::string&) { FAIL() << "nothing is held"; }));
+}
+
+TEST(WholeFile, WhatTheMemoryDoesNotHoldIsRefusedWithFigures) {
+  EXPECT_EQ(too_large_for_memory("run.mcap", 1000000000, 3000000000), "");
+  const std::string told = too_large_for_memory("run.mcap", 100000000000, 8000000000);
+  EXPECT_NE(told.find("run.mcap: 100.0 GB"), std::string::npos) << told;
+  EXPECT_NE(told.find("8.0 GB are free"), std::string::npos) << told;
+  const std::uint64_t free = free_memory_bytes();
+  EXPECT_GT(free, std::uint64_t{1} << 20);
+  EXPECT_LT(free, std::uint64_t{1} << 50);
+  const Folder folder;
+  std::string bytes = "what was there", error;
+  EXPECT_FALSE(read_whole_file(folder / "none", bytes, error));
+  EXPECT_NE(error.find("none: cannot be read: No such file"), std::string::npos) << error;
+  EXPECT_FALSE(read_whole_file(folder / "", bytes, error));
+  EXPECT_NE(error.find("it is a folder"), std::string::npos) << error;
+  { std::ofstream(folder / "log", std::ios::binary) << std::string(200000, 'x'); }
+  std::filesystem::resize_file(folder / "log", std::uintmax_t{1} << 42);  // holes: the disk does not have 4 TB
+  EXPECT_FALSE(read_whole_file(folder / "log", bytes, error));
+  EXPECT_NE(error.find("4398.0 GB"), std::string::npos) << error;
+  std::filesystem::resize_file(folder / "log", 200000);
+  ASSERT_TRUE(read_whole_file(folder / "log", bytes, error)) << error;
+  EXPECT_EQ(bytes, std::string(200000, 'x'));
 }
 
 }  // namespace

@@ -3,10 +3,12 @@
 #include <fcntl.h>
 #include <sys/file.h>
 #include <sys/stat.h>
+#include <sys/statvfs.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
+#include <cstdint>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
@@ -139,11 +141,16 @@ bool OutputFile::copy_written(int to) const {
   if (written_ == 0) return true;
   const int from = ::open(path_.c_str(), O_RDONLY | O_CLOEXEC);
   if (from < 0) return false;
-  std::string bytes(written_, '\0');
-  const ssize_t got = ::pread(from, bytes.data(), bytes.size(), 0);
+  std::string piece;
+  bool good = true;
+  for (std::size_t at = 0; good && at < written_; at += piece.size()) {
+    piece.resize(std::min(std::size_t{1} << 20, written_ - at));
+    const ssize_t got = ::pread(from, piece.data(), piece.size(), static_cast<off_t>(at));
+    std::size_t done = 0;
+    good = got == static_cast<ssize_t>(piece.size()) && write_all(to, piece, done);
+  }
   ::close(from);
-  std::size_t done = 0;
-  return got == static_cast<ssize_t>(bytes.size()) && write_all(to, bytes, done);
+  return good;
 }
 
 void OutputFile::rescue() {
@@ -153,7 +160,10 @@ void OutputFile::rescue() {
   const int suffix = static_cast<int>(fs::path(path_).filename().string().size() + 1);
   const int to = code ? -1 : ::mkstemps(copy.data(), suffix);
   std::size_t done = 0;
-  const bool saved = to >= 0 && copy_written(to) && write_all(to, pending_, done);
+  struct statvfs disk {};  // the copy of a long log must not fill the next disk, which may be the memory
+  const bool room = to >= 0 && ::fstatvfs(to, &disk) == 0 &&
+                    std::uint64_t{disk.f_bavail} * disk.f_frsize / 2 >= written_ + pending_.size();
+  const bool saved = room && copy_written(to) && write_all(to, pending_, done);
   if (to >= 0) ::close(to);
   if (saved && !lost_) {
     readable_ = copy;

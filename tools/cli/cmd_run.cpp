@@ -431,7 +431,11 @@ void add_run_command(CLI::App& app, int& exit_code) {
       "CSV of goals: time_s, then states, outputs or angles of frames by name; each row is the target from "
       "its time on after the first measurement, or after a key or a message has armed (docs/reference/costs.md). lcm: "
       "from the channel GOAL of [transport]; ros2: JointTrajectory and PoseStamped (docs/guide/ros2.md)");
-  command->add_option("--log", a->log, "write a CSV row per tick");
+  command->add_option("--log", a->log, "write a CSV row per tick")->check([](const std::string& path) {
+    const std::string ending = std::filesystem::path(path).extension().string();
+    const bool other = ending == ".mcap" || ending == ".lcm" || ending == ".lcmlog";
+    return other ? path + ": --log writes CSV; --record writes " + ending : std::string();
+  });
   command->add_option("--report", a->report, "write a one-file HTML page (and its CSV beside it)");
   command
       ->add_option("--record", a->records,

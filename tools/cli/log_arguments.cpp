@@ -19,11 +19,14 @@ void put_log_first(std::string& log, std::string& robot) {
 std::unique_ptr<RobotFile> read_robot_of_log(const std::string& command, const std::string& log,
                                              const std::string& robot) {
   if (!robot.empty()) return read_robot_or_complain(robot);
-  const std::string text = robot_in_log(log);
-  std::string errors = log +
-                       ": no robot file is in it, as an MCAP of `tiller run --record` has; give it as the second "
-                       "argument: tiller " +
-                       command + " LOG my_robot.toml\n";
+  std::string errors;
+  const std::string text = robot_in_log(log, errors);
+  if (errors.empty())
+    errors =
+        log +
+        ": no robot file is in it, as an MCAP of `tiller run --record` has; give it as the second argument: tiller " +
+        command + " LOG my_robot.toml";
+  errors += "\n";
   auto read = text.empty() ? nullptr : parse_robot_file(text, log + ":robot.toml", errors);
   if (!read) std::fputs(errors.c_str(), stderr);
   return read;

@@ -2,7 +2,9 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <new>
 
+#include "tools/base/whole_file.hpp"
 #include "tools/command/commands.hpp"
 #include "tools/robot/robot_schema.hpp"
 
@@ -89,6 +91,13 @@ int run_command_line(int argc, char** argv, std::initializer_list<AddCommand> co
     const auto named = app.get_subcommands();
     return !named.empty() && named.front()->get_name() == "gap" ? static_cast<int>(kExitGapUsage)
                                                                 : static_cast<int>(kExitBadInput);
+  } catch (const std::bad_alloc&) {
+    std::fprintf(
+        stderr,
+        "tiller: the memory is not enough (%.1f GB are free): give shorter or fewer logs, fewer seeds or jobs, "
+        "or use a larger computer\n",
+        1e-9 * static_cast<double>(free_memory_bytes()));
+    return kExitBadInput;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "tiller: %s\n", error.what());
     return kExitBadInput;

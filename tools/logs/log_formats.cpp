@@ -6,8 +6,8 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
-#include <sstream>
 
+#include "tools/base/whole_file.hpp"
 #include "tools/logs/channels.hpp"
 #include "tools/logs/log_readers.hpp"
 #include "tools/logs/mcap_run.hpp"
@@ -97,11 +97,9 @@ bool read_channels_format(const std::string& path, const RobotFile& robot, const
 /// Of `tiller run`, or of others.
 bool read_mcap_format(const std::string& path, const RobotFile& robot, const std::vector<int>& measured, Log& log,
                       std::string& error) {
-  std::ifstream file;
-  if (!open_log(file, path, error)) return false;
-  std::stringstream bytes;
-  bytes << file.rdbuf();
-  if (is_mcap_run(bytes.str())) return read_mcap_log(bytes.str(), path, robot, log, error);
+  std::string bytes;
+  if (!read_whole_file(path, bytes, error)) return false;
+  if (is_mcap_run(bytes)) return read_mcap_log(bytes, path, robot, log, error);
   return read_channels_log(path, robot, measured, log, error);
 }
 

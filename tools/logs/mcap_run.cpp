@@ -2,11 +2,11 @@
 
 #include <cmath>
 #include <cstring>
-#include <fstream>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "tools/base/whole_file.hpp"
 #include "tools/logs/mcap_reader.hpp"
 #include "tools/logs/run_log.hpp"
 
@@ -213,13 +213,6 @@ bool take_tick(const RobotFile& robot, const Json& json, RecordEntry& entry) {
          take_probe(json, entry.probe);
 }
 
-std::string text_of(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::stringstream text;
-  text << file.rdbuf();
-  return file ? text.str() : "";
-}
-
 }  // namespace
 
 // ---- writing -----------------------------------------------------------------------------------------------------
@@ -239,7 +232,8 @@ void McapRun::open(const std::string& path, const tiller_config_t& config, std::
                                   {"instruction_set", tiller_instruction_set()},
                                   {"seed", std::to_string(config.seed)}});
   writer_.add_attachment(kControllerAttachment, "application/octet-stream", record_header(config), 0);
-  const std::string toml = text_of(robot_.path);
+  std::string toml, error;
+  (void)read_whole_file(robot_.path, toml, error);  // without it, the log does not tell whose it is
   if (!toml.empty()) writer_.add_attachment(kRobotAttachment, "application/toml", toml, 0);
 }
 

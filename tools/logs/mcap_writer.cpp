@@ -3,6 +3,7 @@
 #include <zlib.h>
 
 #include <algorithm>
+#include <filesystem>
 
 #include "tools/logs/mcap_bytes.hpp"
 
@@ -21,6 +22,8 @@ std::uint32_t crc_of(const std::string& bytes, std::uint32_t before = 0) {
 
 void McapWriter::open(const std::string& path, const std::string& library) {
   file_.open(path);
+  const std::string folder = std::filesystem::path(path).parent_path().string();
+  chunk_indexes_.open(folder.empty() ? "." : folder);
   (void)append(mcap::magic() + record(mcap::kHeader, Bytes().text("").text(library)));
 }
 
@@ -29,7 +32,8 @@ bool McapWriter::append(const std::string& bytes) {
   if (!file_.write(bytes)) return false;
   position_ += bytes.size();
   crc_ = crc_of(bytes, crc_);
-  file_.set_tail(end_marks(0, "", 0));
+  // an end without a summary, until the next flush
+  file_.set_tail(data_end() + Bytes().u8(mcap::kFooter).u64(20).u64(0).u64(0).u32(0).raw(mcap::magic()).get());
   return true;
 }
 
@@ -88,21 +92,25 @@ void McapWriter::close_chunk() {
                                                .text("")
                                                .u64(chunk_.size())
                                                .raw(chunk_));
-  ChunkIndex index{chunk_first_ns_, chunk_last_ns_, position_, bytes.size(), 0, chunk_.size(), {}};
+  const std::uint64_t length = bytes.size();
+  Bytes offset_of;  // of each channel's message index
   for (std::size_t i = 0; i < chunk_index_.size(); ++i) {
     if (chunk_index_[i].empty()) continue;
     Bytes entries;
     for (const auto& [time_ns, offset] : chunk_index_[i]) entries.u64(time_ns).u64(offset);
-    index.index_offset.emplace_back(static_cast<std::uint16_t>(i + 1), position_ + bytes.size());
+    offset_of.u16(i + 1).u64(position_ + bytes.size());
     bytes += record(mcap::kMessageIndex, Bytes().u16(i + 1).text(entries.get()));
   }
-  index.index_length = bytes.size() - index.length;
+  Bytes index;
+  index.u64(chunk_first_ns_).u64(chunk_last_ns_).u64(position_).u64(length).text(offset_of.get());
+  index.u64(bytes.size() - length).text("").u64(chunk_.size()).u64(chunk_.size());
   if (append(bytes)) {
-    const bool first = chunks_.empty();
+    const bool first = chunk_count_ == 0;
     first_ns_ = first ? chunk_first_ns_ : std::min(first_ns_, chunk_first_ns_);
     last_ns_ = first ? chunk_last_ns_ : std::max(last_ns_, chunk_last_ns_);
     for (std::size_t i = 0; i < chunk_index_.size(); ++i) message_count_[i] += chunk_index_[i].size();
-    chunks_.push_back(std::move(index));
+    ++chunk_count_;
+    (void)chunk_indexes_.append(record(mcap::kChunkIndex, index));
   } else {
     lost_messages_ += chunk_messages_;
   }
@@ -129,67 +137,67 @@ std::string McapWriter::statistics() const {
                                        .u32(channels_.size())
                                        .u32(attachments_.size())
                                        .u32(metadata_.size())
-                                       .u32(chunks_.size())
+                                       .u32(chunk_count_)
                                        .u64(first_ns_)
                                        .u64(last_ns_)
                                        .text(counts.get()));
 }
 
-/// Groups of records, and behind them where each group stands.
-std::string McapWriter::summary(std::uint64_t start, std::uint64_t& offset_start) const {
-  std::string bytes, offsets;
-  const auto group = [&](mcap::Opcode opcode, const std::string& records) {
-    if (records.empty()) return;
-    offsets += record(mcap::kSummaryOffset, Bytes().u8(opcode).u64(start + bytes.size()).u64(records.size()));
-    bytes += records;
+std::string McapWriter::data_end() const { return record(mcap::kDataEnd, Bytes().u32(crc_)); }
+
+/// Groups of records, behind them where each group stands, and the footer: its CRC covers all that and the footer up to
+/// the CRC itself, its opcode and length too.
+void McapWriter::write_summary() {
+  const std::uint64_t start = position_ + data_end().size();
+  std::uint64_t size = 0;
+  std::uint32_t crc = 0;
+  std::string offsets;
+  const auto put = [&](const std::string& bytes) {
+    (void)file_.write(bytes);
+    crc = crc_of(bytes, crc);
+    size += bytes.size();
   };
-  const auto joined = [](const std::vector<std::string>& parts) {
+  const auto begin = [&](mcap::Opcode opcode, std::uint64_t bytes) {
+    if (bytes > 0) offsets += record(mcap::kSummaryOffset, Bytes().u8(opcode).u64(start + size).u64(bytes));
+  };
+  const auto group = [&](mcap::Opcode opcode, const std::vector<std::string>& records) {
     std::string all;
-    for (const std::string& part : parts) all += part;
-    return all;
+    for (const std::string& one : records) all += one;
+    begin(opcode, all.size());
+    put(all);
   };
-  group(mcap::kSchema, joined(schemas_));
-  group(mcap::kChannel, joined(channels_));
-  group(mcap::kStatistics, statistics());
-  std::string indexes;
-  for (const ChunkIndex& c : chunks_) {
-    Bytes offset_of;
-    for (const auto& [channel, offset] : c.index_offset) offset_of.u16(channel).u64(offset);
-    Bytes index;
-    index.u64(c.first_ns).u64(c.last_ns).u64(c.offset).u64(c.length).text(offset_of.get());
-    indexes += record(mcap::kChunkIndex, index.u64(c.index_length).text("").u64(c.size).u64(c.size));
+  group(mcap::kSchema, schemas_);
+  group(mcap::kChannel, channels_);
+  group(mcap::kStatistics, {statistics()});
+  if (chunk_indexes_.whole()) {  // else readers scan the file, as one that has no end
+    begin(mcap::kChunkIndex, chunk_indexes_.size());
+    (void)chunk_indexes_.each([&](const std::string& piece) {
+      put(piece);
+      file_.flush();
+    });
   }
-  group(mcap::kChunkIndex, indexes);
-  indexes.clear();
+  std::vector<std::string> indexes;
   for (const Named& a : attachments_) {
     Bytes index;
     index.u64(a.offset).u64(a.length).u64(a.time_ns).u64(a.time_ns).u64(a.size).text(a.name).text(a.media_type);
-    indexes += record(mcap::kAttachmentIndex, index);
+    indexes.push_back(record(mcap::kAttachmentIndex, index));
   }
   group(mcap::kAttachmentIndex, indexes);
   indexes.clear();
   for (const Named& m : metadata_)
-    indexes += record(mcap::kMetadataIndex, Bytes().u64(m.offset).u64(m.length).text(m.name));
+    indexes.push_back(record(mcap::kMetadataIndex, Bytes().u64(m.offset).u64(m.length).text(m.name)));
   group(mcap::kMetadataIndex, indexes);
-  offset_start = start + bytes.size();
-  return bytes + offsets;
-}
-
-/// DataEnd, the summary, Footer, magic. Without a summary, its place in the footer is zero.
-std::string McapWriter::end_marks(std::uint64_t summary_start, const std::string& summary,
-                                  std::uint64_t summary_offset_start) const {
-  // the footer's CRC covers the summary and the footer up to the CRC itself, its opcode and length too
-  std::string covered = summary + Bytes().u8(mcap::kFooter).u64(20).u64(summary_start).u64(summary_offset_start).get();
-  return record(mcap::kDataEnd, Bytes().u32(crc_)) + covered +
-         Bytes().u32(summary.empty() ? 0 : crc_of(covered)).raw(mcap::magic()).get();
+  const std::uint64_t offset_start = start + size;
+  put(offsets);
+  put(Bytes().u8(mcap::kFooter).u64(20).u64(start).u64(offset_start).get());
+  (void)file_.write(Bytes().u32(crc).raw(mcap::magic()).get());
 }
 
 bool McapWriter::close() {
   close_chunk();
-  const std::uint64_t start = position_ + 13;  // behind DataEnd
-  std::uint64_t offset_start = 0;
-  const std::string text = summary(start, offset_start);
-  (void)file_.write(end_marks(start, text, offset_start));
+  file_.set_tail("");
+  (void)file_.write(data_end());
+  write_summary();
   return file_.close();
 }
 

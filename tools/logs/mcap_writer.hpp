@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "tools/base/output_file.hpp"
+#include "tools/base/spill_file.hpp"
 
 namespace tiller::tools {
 
@@ -45,19 +46,14 @@ class McapWriter {
   static constexpr std::size_t kChunkBytes = std::size_t{1} << 18;
 
  private:
-  struct ChunkIndex {
-    std::uint64_t first_ns, last_ns, offset, length, index_length, size;
-    std::vector<std::pair<std::uint16_t, std::uint64_t>> index_offset;  // of each channel's message index
-  };
   struct Named {
     std::uint64_t offset, length, time_ns, size;
     std::string name, media_type;
   };
 
   bool append(const std::string& bytes);
-  std::string end_marks(std::uint64_t summary_start, const std::string& summary,
-                        std::uint64_t summary_offset_start) const;
-  std::string summary(std::uint64_t start, std::uint64_t& offset_start) const;
+  std::string data_end() const;
+  void write_summary();
   std::string statistics() const;
 
   OutputFile file_;
@@ -65,7 +61,8 @@ class McapWriter {
   std::uint32_t crc_ = 0;       // of them
   std::vector<std::string> schemas_, channels_;
   std::vector<Named> attachments_, metadata_;
-  std::vector<ChunkIndex> chunks_;
+  SpillFile chunk_indexes_;  // a record for each chunk: a log of weeks has millions
+  std::uint32_t chunk_count_ = 0;
   std::vector<std::uint64_t> message_count_;  // by channel, from 1
 
   std::string chunk_;

@@ -3,9 +3,9 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
-#include <sstream>
 
 #include "tools/base/csv_reader.hpp"
+#include "tools/base/whole_file.hpp"
 #include "tools/logs/log_formats.hpp"
 #include "tools/logs/mcap_run.hpp"
 #include "tools/logs/recorded_run.hpp"
@@ -13,13 +13,6 @@
 
 namespace tiller::tools {
 namespace {
-
-std::string all_of(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::stringstream bytes;
-  bytes << file.rdbuf();
-  return bytes.str();
-}
 
 /// A CSV of `tiller run --log` tells of each tick its number and the time.
 bool is_csv_run(const std::string& path) {
@@ -103,7 +96,11 @@ bool read_recorded_run(const std::string& path, const RobotFile& robot, Recorded
   }
   bool read = false, ours = true;
   std::ifstream file(path, std::ios::binary);
-  const std::string mcap = kind == "mcap" ? all_of(path) : "";
+  std::string mcap;
+  if (kind == "mcap" && !read_whole_file(path, mcap, error)) {
+    error += "\n";
+    return false;
+  }
   if (kind == "record")
     read = read_record(path, run, error);
   else if (is_mcap_run(mcap))
@@ -119,8 +116,9 @@ bool read_recorded_run(const std::string& path, const RobotFile& robot, Recorded
   return read;
 }
 
-std::string robot_in_log(const std::string& path) {
-  return log_format(path) == "mcap" ? robot_text_of(all_of(path)) : "";
+std::string robot_in_log(const std::string& path, std::string& error) {
+  std::string bytes;
+  return log_format(path) == "mcap" && read_whole_file(path, bytes, error) ? robot_text_of(bytes) : "";
 }
 
 }  // namespace tiller::tools

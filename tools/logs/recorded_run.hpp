@@ -44,8 +44,9 @@ constexpr std::uint32_t kStateUnknown = 0xffffffffu;
 /// other log that read_any_log() takes, its rows. False with a message in `error`.
 bool read_recorded_run(const std::string& path, const RobotFile& robot, RecordedRun& run, std::string& error);
 
-/// The text of the robot file that the log carries: an MCAP of `tiller run` does. Empty: none.
-std::string robot_in_log(const std::string& path);
+/// The text of the robot file that the log carries: an MCAP of `tiller run` does. Empty: none, or the log cannot be
+/// read; then `error` tells why.
+std::string robot_in_log(const std::string& path, std::string& error);
 
 /// The ticks of an LCM log with measurements, commands and (where they were logged) telemetry. docs/guide/replay.md
 /// tells what is taken from where.
