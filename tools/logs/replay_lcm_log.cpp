@@ -227,7 +227,7 @@ void find_lost_messages(const RobotFile& robot, const std::vector<Answer>& ticks
 void add_calls(const Answer& answer, bool first, std::uint32_t before, std::int32_t periods_before,
                RecordEntry& entry) {
   const std::uint32_t state = answer.command.state;
-  std::uint32_t calls = first ? 0u : tiller_call_prepare, shift = first ? 0 : 4;
+  std::uint32_t calls = first ? 0u : std::uint32_t{tiller_call_prepare}, shift = first ? 0 : 4;
   if (answer.probing.calibration_left > periods_before) {
     calls |= std::uint32_t{tiller_call_calibrate} << shift;
     shift += 4;
