@@ -47,6 +47,16 @@ TEST(Arena, SaysWhenABlockIsTooSmall) {
   EXPECT_FALSE(place.fits());
 }
 
+TEST(Arena, NoObjectsTakeNoPlace) {
+  alignas(64) unsigned char block[64];
+  Arena place(block, sizeof block);
+  EXPECT_EQ(place.take<double>(0), nullptr);
+  EXPECT_EQ(place.used(), 0u);
+  EXPECT_EQ(reinterpret_cast<unsigned char*>(place.take<double>(8)), block);
+  EXPECT_EQ(place.take<double>(0), nullptr);
+  EXPECT_TRUE(place.fits());
+}
+
 // The vectors published with the generator (Random123 kat_vectors, philox4x32-10).
 TEST(Philox, KnownAnswers) {
   const auto zero = Philox::draw(0, 0, 0);
@@ -102,6 +112,8 @@ TEST(Ring, NamesItemsByTheirPositionInTheSequence) {
   EXPECT_EQ(ring.end(), 11u);
   EXPECT_FALSE(ring.holds(6));
   EXPECT_TRUE(ring.holds(7));
+  EXPECT_TRUE(ring.holds(10));
+  EXPECT_FALSE(ring.holds(11)) << "not yet";
   EXPECT_EQ(ring[7], 7);
   EXPECT_EQ(ring.newest(), 10);
   EXPECT_EQ(ring.newest(3), 7);
@@ -132,6 +144,7 @@ TEST(Status, EveryCodeHasItsBandNameAndText) {
     EXPECT_EQ(band, row.band) << row.name;
   }
   EXPECT_STREQ(tiller_status_name(static_cast<tiller_status_t>(9999)), "unknown");
+  EXPECT_STREQ(tiller_status_text(static_cast<tiller_status_t>(9999)), "not a status of tiller");
 }
 
 }  // namespace

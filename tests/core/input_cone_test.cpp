@@ -206,6 +206,18 @@ TEST(InputCone, AnAxisWaitsForTheRatesOfTheNorm) {
   EXPECT_TRUE(within_cones(cones, u));
 }
 
+/// From outside its cone an input still comes no faster than its rate allows, and not back past what was asked.
+TEST(InputCone, FromOutsideTheRatesHoldAllTheSame) {
+  const tiller_input_cone_t norm = {0b11, 0, 0.0, 1.0};
+  const InputCones cones = make_input_cones(&norm, 1);
+  const double last[] = {3.0, 4.0}, step[] = {0.5, 0.5};
+  double u[] = {0.0, 0.0};
+  keep_cones(cones, 2, last, step, u);
+  EXPECT_FALSE(within_cones(cones, u));
+  EXPECT_NEAR(u[0], 3.0 - 0.375, 1e-14) << "both inputs go the same share of their way";
+  EXPECT_NEAR(u[1], 4.0 - 0.5, 1e-14);
+}
+
 TEST(InputCone, ConesThatShareAnInputAreOneGroup) {
   const tiller_input_cone_t cone[] = {{0b000011, 2, 0.5, 0.0}, {0b110000, 0, 0.0, 1.0}, {0b001010, 0, 0.0, 1.0}};
   const InputCones cones = make_input_cones(cone, 3);

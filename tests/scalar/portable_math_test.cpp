@@ -87,6 +87,15 @@ TEST(PortableMath, FunctionsOfTwoArguments) {
 
 TEST(PortableMath, EndsOfTheRange) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
+  for (const double x : {0.25, 3.0, kInf}) {
+    EXPECT_EQ(portable::pow(x, 0.0), 1.0) << x;
+    EXPECT_EQ(portable::pow(x, 1.0), x) << "as it stands, no rounding of a logarithm";
+  }
+  for (const double y : {-3.0, 0.5, 1e300}) EXPECT_EQ(portable::pow(1.0, y), 1.0) << y;
+  EXPECT_EQ(portable::hypot(0.0, -0.0), 0.0);
+  EXPECT_EQ(portable::hypot(-kInf, 1.0), kInf);
+  EXPECT_EQ(portable::hypot(2.0, kInf), kInf);
+  EXPECT_TRUE(std::isnan(portable::atan2(1.0, nan)));
   EXPECT_EQ(portable::exp(-kInf), 0.0);
   EXPECT_EQ(portable::exp(kInf), kInf);
   EXPECT_EQ(portable::exp(0.0), 1.0);
