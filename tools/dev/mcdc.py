@@ -36,14 +36,14 @@ def export(build, version):
     return json.loads(done.stdout)["data"][0]
 
 
-def name_in_tree(filename):
+def name_in_tree(filename, folders=FOLDERS):
     """Of a header, by the link that it was included through; None for what is not counted."""
     resolved = pathlib.Path(filename).resolve()
     root = pathlib.Path.cwd().resolve()
     if root not in resolved.parents:
         return None
     parts = resolved.relative_to(root).parts
-    return "/".join(parts) if parts[0] == "runtime" and parts[1] in FOLDERS else None
+    return "/".join(parts) if parts[0] == "runtime" and (folders is None or parts[1] in folders) else None
 
 
 def collect(data):
