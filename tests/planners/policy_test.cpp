@@ -212,6 +212,70 @@ TEST(Policy, a_fallback_begins_anew_after_a_pause_and_goes_on_otherwise) {
   EXPECT_TRUE(b.falls_back());
 }
 
+TEST(Policy, a_fallback_begins_anew_where_ticks_are_missing) {
+  const Watched watched;
+  tiller::Config c = policy_config(watched);
+  c.planner.fallback = tiller_planner_ilqr;
+  c.planner.iterations = 2;
+  Beside b(c);
+  b.place(3.0, 0.0);
+  for (int i = 0; i < 3; ++i) EXPECT_TRUE(b.falls_back()) << i;
+  b.policy.request.tick += 5;
+  b.alone.reset();
+  b.alone.request.tick = b.policy.request.tick;
+  EXPECT_TRUE(b.falls_back()) << "as a planner that has not planned yet";
+  b.policy.reset();
+  b.alone.reset();
+  EXPECT_TRUE(b.falls_back());
+}
+
+/// A replay stops a planner by count where its clock stopped it: one that always does all of its iterations does not
+/// notice, so the policy says it.
+TEST(Policy, says_that_its_fallback_was_cut_short) {
+  const Watched watched;
+  for (const std::uint32_t fallback : {tiller_planner_cem, tiller_planner_ilqr}) {
+    tiller::Config c = policy_config(watched);
+    c.planner.fallback = fallback;
+    c.planner.iterations = 3;
+    Bench bench(c);
+    bench.set_state({3.0, 0.0});
+    EXPECT_EQ(bench.plan().status, tiller_status_ok) << fallback;
+    bench.request.deadline.iterations = 1;
+    bench.reset();
+    EXPECT_EQ(bench.plan().status, tiller_status_iteration_capped) << fallback;
+    bench.params[0] = std::nanf("");
+    EXPECT_EQ(bench.plan().status, tiller_status_plan_not_finite) << "the worse of the two, " << fallback;
+  }
+}
+
+TEST(Policy, reads_whole_turns_and_leaves_out_what_is_known) {
+  const Linear linear(tiller_policy_state | tiller_policy_belief_mean | tiller_policy_belief_spread,
+                      {0.0f, 0.1f, 0.0f});
+  tiller::Config c = policy_config(linear);
+  c.priors[0].kind = tiller_prior_fixed;  // a parameter that nobody asks about: no input of the network
+  Bench bench(c);
+  bench.set_state({1.0, 0.0});
+  const double origin[2] = {2.0, 0.0};
+  bench.plan_again();
+  EXPECT_NEAR(bench.command[0], 0.5, 1e-6);
+  bench.request.origin = origin;
+  bench.plan_again();
+  EXPECT_NEAR(bench.command[0], 1.5, 1e-6) << "the belief's angles come less the origin";
+}
+
+TEST(Policy, a_belief_without_hypotheses_is_none) {
+  const Linear linear(tiller_policy_state, {0.5f, 0.0f, 0.0f});
+  tiller::Config c = policy_config(linear);
+  c.safety.safe_command[0] = -1.0;
+  Bench bench(c);
+  bench.belief.count = 0;
+  EXPECT_EQ(bench.plan().status, tiller_status_plan_not_finite);
+  EXPECT_EQ(bench.command[0], -1.0) << "the safe command";
+  bench.reset();
+  bench.belief.count = 1;
+  EXPECT_EQ(bench.plan().status, tiller_status_ok);
+}
+
 TEST(Policy, keeps_limits_and_rates_whatever_it_is_told) {
   std::mt19937_64 random(7);
   const auto uniform = [&](double low, double high) {

@@ -170,7 +170,6 @@ double InteriorPart::cost_gradient() {
   for (std::size_t k = 0; k < N; ++k)
     for (std::size_t i = 0; i < m; ++i) {
       double g = q.qu[k * m + i] + q.regularisation * at.u[k * m + i];
-      if (q.input_diagonal) g += q.input_diagonal[k * m + i] * at.u[k * m + i];
       for (std::size_t c = 0; c < m; ++c) g += q.quu[(k * m + i) * m + c] * at.u[k * m + c];
       w->gu[k * m + i] = g;
       size += std::fabs(g);
@@ -184,7 +183,6 @@ double InteriorPart::cost_gradient() {
       double* g = w->gx + block * n;
       for (std::size_t i = 0; i < n; ++i) {
         double sum = q.qx[block * n + i];
-        if (q.state_diagonal) sum += q.state_diagonal[block * n + i] * x[i];
         for (std::size_t c = 0; c < n; ++c) sum += h[i * n + c] * x[c];
         g[i] = sum;
       }
@@ -303,9 +301,8 @@ void InteriorPart::aim(double centre, double second) {
 }
 
 void InteriorPart::barrier_diagonals() {
-  const LqProblem& q = qp->lq;
-  for (std::size_t i = 0; i < (N + 1) * s; ++i) w->px[i] = q.state_diagonal ? q.state_diagonal[i] : 0.0;
-  for (std::size_t i = 0; i < N * m; ++i) w->pu[i] = q.input_diagonal ? q.input_diagonal[i] : 0.0;
+  for (std::size_t i = 0; i < (N + 1) * s; ++i) w->px[i] = 0.0;
+  for (std::size_t i = 0; i < N * m; ++i) w->pu[i] = 0.0;
   for (std::uint32_t i = 0; i < w->count; ++i) {
     const Bound& b = w->bound[i];
     (b.of_state ? w->px : w->pu)[b.at] += weight_of(b);

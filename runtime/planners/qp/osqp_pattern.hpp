@@ -48,15 +48,14 @@ class OsqpColumns {
         for (int r = 0; r <= c; ++r)
           if (entry(shape_.quu, r * m_ + c))
             visit(u_column(k) + r,
-                  qp ? qp->lq.quu[(k * m_ + r) * m_ + c] + (r == c ? extra_input(*qp, k, c) : 0.0) : 0.0);
+                  qp ? qp->lq.quu[(k * m_ + r) * m_ + c] + (r == c ? qp->lq.regularisation : 0.0) : 0.0);
       }
       for (int j = 0; j < scenarios_; ++j)
         for (int c = 0; c < n_; ++c, next())
           for (int r = 0; r <= c; ++r)
             if (entry(shape_.qxx, r * n_ + c))
-              visit(x_column(k + 1) + j * n_ + r, qp ? qp->lq.qxx[(((k + 1) * scenarios_ + j) * n_ + r) * n_ + c] +
-                                                           (r == c ? extra_state(*qp, k + 1, j * n_ + c) : 0.0)
-                                                     : 0.0);
+              visit(x_column(k + 1) + j * n_ + r,
+                    qp ? qp->lq.qxx[(((k + 1) * scenarios_ + j) * n_ + r) * n_ + c] : 0.0);
     }
     for (int k = 1; k <= horizon_; ++k)
       for (int i = 0; i < s_; ++i)
@@ -105,12 +104,6 @@ class OsqpColumns {
 
  private:
   static bool entry(const std::uint8_t* mask, int at) { return !mask || mask[at]; }
-  double extra_input(const Qp& qp, int k, int i) const {
-    return qp.lq.regularisation + (qp.lq.input_diagonal ? qp.lq.input_diagonal[k * m_ + i] : 0.0);
-  }
-  double extra_state(const Qp& qp, int k, int i) const {
-    return qp.lq.state_diagonal ? qp.lq.state_diagonal[k * s_ + i] : 0.0;
-  }
   OsqpShape shape_;
   int n_, m_, scenarios_, horizon_, s_;
   int hard_count_ = 0, soft_count_ = 0;

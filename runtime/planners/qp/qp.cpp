@@ -57,10 +57,7 @@ void stage_state_gradient(const LqProblem& q, const Shape& z, std::size_t k, std
                           double* gradient) {
   const std::size_t block = k * z.M + scenario;
   const double* x = at.x + k * z.s + scenario * z.n;
-  for (std::size_t i = 0; i < z.n; ++i) {
-    gradient[i] = q.qx[block * z.n + i];
-    if (q.state_diagonal) gradient[i] += q.state_diagonal[block * z.n + i] * x[i];
-  }
+  for (std::size_t i = 0; i < z.n; ++i) gradient[i] = q.qx[block * z.n + i];
   add_product(q.qxx + block * z.n * z.n, z.n, z.n, x, gradient);
   if (k == z.N) return;
   for (std::size_t v = 0; q.qux && v < z.m; ++v)
@@ -70,10 +67,7 @@ void stage_state_gradient(const LqProblem& q, const Shape& z, std::size_t k, std
 
 void stage_input_gradient(const LqProblem& q, const Shape& z, std::size_t k, const QpSolution& at, double* gradient) {
   const double* u = at.u + k * z.m;
-  for (std::size_t i = 0; i < z.m; ++i) {
-    gradient[i] = q.qu[k * z.m + i] + q.regularisation * u[i];
-    if (q.input_diagonal) gradient[i] += q.input_diagonal[k * z.m + i] * u[i];
-  }
+  for (std::size_t i = 0; i < z.m; ++i) gradient[i] = q.qu[k * z.m + i] + q.regularisation * u[i];
   add_product(q.quu + k * z.m * z.m, z.m, z.m, u, gradient);
   if (q.qux) add_product(q.qux + k * z.m * z.s, z.m, z.s, at.x + k * z.s, gradient);
 }

@@ -33,7 +33,7 @@ struct QpCones {
 /// the l1 norm (Kerrigan and Maciejowski 2000). Bounds on the change of the inputs are input bounds of the lifted
 /// problem, whose states carry the input before and whose inputs are the changes (rate_lift.hpp).
 struct Qp {
-  LqProblem lq;                             // lq.low, lq.high (N x m): infinite or null for none
+  LqProblem lq;                             // lq.low, lq.high (N x m): infinite or null for none; no diagonals
   const double* start = nullptr;            // (s) x_0
   const double* state_low = nullptr;        // (N+1 x s), row 0 has no say; null: no bounds on states
   const double* state_high = nullptr;       // (N+1 x s)
