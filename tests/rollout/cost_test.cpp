@@ -322,6 +322,61 @@ TEST(CostToGo, LinearisesWhereTheTargetIsHeld) {
   EXPECT_LT(terms.cost_to_go[0 * 6 + 2], -1e-3);  // right of the target, a tilt to the left costs less
 }
 
+/// The centre of every kind of prior, and the mean of a joint one: parameters fixed there give the same matrix.
+TEST(CostToGo, TakesParametersAtTheirPriorsCentres) {
+  tiller::Config config = upright_cart_pole();
+  Terms fixed, free, joint;
+  ASSERT_EQ(lay_out(config, fixed), tiller_status_ok);
+  config.priors[0] = {tiller_prior_uniform, 0, 0, 0, 0.5, 1.5};
+  config.priors[1] = {tiller_prior_normal, 0, 0.05, 0.1, 0.1, 1.0};  // the centre is beyond its bound
+  config.priors[2] = {tiller_prior_log_normal, 0, 0.5, 0.3, 0.1, 2.0};
+  ASSERT_EQ(lay_out(config, free), tiller_status_ok);
+  for (int i = 0; i < 16; ++i) EXPECT_EQ(free.cost_to_go[i], fixed.cost_to_go[i]) << i;
+  // of two components; the fixed parameter is none of its coordinates, and the last one's is a logarithm
+  config.priors[1] = {tiller_prior_fixed, 0, 0.1, 0, 0, 0};
+  const double weight[2] = {0.25, 0.75}, mean[4] = {0.7, std::log(0.5) + 0.3, 1.1, std::log(0.5) - 0.1};
+  const double root[8] = {0.1, 0.0, 0.0, 0.1, 0.1, 0.0, 0.0, 0.1};
+  const tiller_mixture_t mixture = {sizeof mixture, TILLER_CONFIG_VERSION, 2, 2, weight, mean, root};
+  config.prior_mixture = &mixture;
+  ASSERT_EQ(lay_out(config, joint), tiller_status_ok);
+  for (int i = 0; i < 16; ++i) EXPECT_NEAR(joint.cost_to_go[i], fixed.cost_to_go[i], 1e-9 * fixed.cost_to_go[0]) << i;
+}
+
+/// Double precision, single, or both; each needs room for the matrix.
+TEST(CostToGo, IsLaidOutInThePrecisionsAskedFor) {
+  const tiller::Config config = upright_cart_pole();
+  StepSetup setup;
+  ASSERT_EQ(make_step_setup(config, setup), tiller_status_ok);
+  const RolloutTable& table = select_rollout(*config.model);
+  Terms exact;
+  CostTerms<float> lanes{};
+  EXPECT_EQ(lay_out_cost(config, setup, table, nullptr, &lanes), tiller_status_null_argument) << "no room";
+  float matrix[16] = {};
+  lanes.cost_to_go = matrix;
+  ASSERT_EQ(lay_out_cost(config, setup, table, nullptr, &lanes), tiller_status_ok);
+  EXPECT_TRUE(lanes.has(kCostToGo));
+  ASSERT_EQ(lay_out_cost(config, setup, table, &exact, &lanes), tiller_status_ok);
+  for (int i = 0; i < 16; ++i) EXPECT_EQ(matrix[i], static_cast<float>(exact.cost_to_go[i])) << i;
+  CostTerms<double> roomless{};
+  EXPECT_EQ(lay_out_cost(config, setup, table, &roomless, nullptr), tiller_status_null_argument);
+}
+
+TEST(CostToGo, RefusesWhatNobodyHolds) {
+  Terms terms;
+  tiller::Config config = upright_cart_pole();
+  for (double& w : config.cost.state_weight) w = 1e16;
+  EXPECT_EQ(lay_out(config, terms), tiller_status_bad_cost) << "larger than can be told from infinity";
+  config = plain_config(tiller_find_model("linear_axis"));
+  for (tiller_prior_t& prior : config.priors) prior = {tiller_prior_fixed, 0, 1.0, 0, 0, 0};
+  config.priors[0].a = HUGE_VAL;  // what weighs without bound is moved by nothing
+  for (std::uint32_t i = 0; i < config.model->state_count; ++i) config.cost.state_weight[i] = 1.0;
+  for (std::uint32_t i = 0; i < config.model->input_count; ++i) config.cost.input_weight[i] = 0.1;
+  config.cost.terminal = tiller_terminal_lqr;
+  EXPECT_EQ(lay_out(config, terms), tiller_status_bad_cost);
+  config.priors[0].a = 1.0;
+  EXPECT_EQ(lay_out(config, terms), tiller_status_ok);
+}
+
 TEST(CostToGo, RefusesWhatHasNone) {
   Terms terms;
   tiller::Config config = upright_cart_pole();

@@ -209,6 +209,44 @@ TEST(Lq, box_is_exact) {
   }
 }
 
+/// What a problem may leave out is zero, and a box needs at least one sweep, and one alone where there is no bound.
+TEST(Lq, what_is_left_out_is_zero) {
+  for (const Size z : {Size{4, 1, 12, 1}, Size{12, 4, 6, 1}, Size{1, 1, 1, 1}, Size{3, 2, 8, 1}, Size{4, 1, 8, 3}})
+    for (int which = 0; which < 4; ++which) {
+      Random whole(z, 7, false), lean(z, 7, false);
+      for (Random* r : {&whole, &lean}) {
+        std::vector<double>* const arrays[] = {&r->c, &r->qux, &r->xd, &r->ud};
+        std::fill(arrays[which]->begin(), arrays[which]->end(), 0.0);
+      }
+      const double** const pointers[] = {&lean.p.c, &lean.p.qux, &lean.p.state_diagonal, &lean.p.input_diagonal};
+      *pointers[which] = nullptr;
+      const LqKernel& kernel = tiller::select_lq(cart_pole(), z.n, z.m, z.scenarios);
+      whole.solve(kernel);
+      lean.solve(kernel);
+      for (std::size_t i = 0; i < whole.u.size(); ++i) EXPECT_NEAR(lean.u[i], whole.u[i], 1e-11) << which;
+      EXPECT_LT(lean.residual(), kBound) << which;
+    }
+}
+
+TEST(Lq, a_box_without_bounds_takes_one_sweep) {
+  for (const bool factorised : {false, true}) {
+    Random r({4, 1, 10, 1}, 3, false);
+    const LqKernel& kernel = tiller::select_lq(cart_pole(), 4, 1);
+    if (factorised) ASSERT_TRUE(kernel.factorise(r.p, r.f));
+    bool exact = false;
+    EXPECT_EQ(tiller::solve_lq_box(kernel, r.p, r.f, r.x.data(), r.u.data(), 40, &exact, factorised), 1u);
+    EXPECT_TRUE(exact);
+  }
+  Random r({4, 1, 10, 1}, 3, true);
+  const LqKernel& kernel = tiller::select_lq(cart_pole(), 4, 1);
+  bool exact = true;
+  EXPECT_EQ(tiller::solve_lq_box(kernel, r.p, r.f, r.x.data(), r.u.data(), 0, &exact), 0u);
+  EXPECT_FALSE(exact) << "no sweep, no solution";
+  r.quu[4] = -1e6;
+  EXPECT_EQ(tiller::solve_lq_box(kernel, r.p, r.f, r.x.data(), r.u.data(), 40, &exact), 0u);
+  EXPECT_FALSE(exact) << "not convex";
+}
+
 TEST(Lq, refuses_what_is_not_positive_definite_or_finite) {
   for (const double bad : {-1e6, std::nan("")})
     for (const std::uint32_t n : {4u, 3u}) {

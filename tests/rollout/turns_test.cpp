@@ -57,6 +57,26 @@ TEST(PeriodicAngles, FixedParametersNeedNoBounds) {
   EXPECT_EQ(periodic(c), 1u);
 }
 
+TEST(PeriodicAngles, AreTriedAtWhateverThePriorsSay) {
+  for (const tiller_prior_kind_t kind : {tiller_prior_normal, tiller_prior_log_normal}) {
+    tiller::Config c = pendulum();
+    for (tiller_prior_t& prior : c.priors) prior = {static_cast<std::uint32_t>(kind), 0, 0.5, 0.1, 0.2, 1.0};
+    EXPECT_EQ(periodic(c), 1u);
+    const std::uint32_t first = c.param_count;
+    add_effect(c, tiller_effect_linear_spring, 0);
+    for (std::uint32_t i = first; i < c.param_count; ++i)
+      c.priors[i] = {static_cast<std::uint32_t>(kind), 0, 0.5, 0.1, 0.2, 1.0};
+    EXPECT_EQ(periodic(c), 0u) << "a spring knows how often it was wound";
+  }
+}
+
+/// Where no trajectory stays finite nothing is known of its turns: none are taken out.
+TEST(PeriodicAngles, AreNoneWhereNothingIsFinite) {
+  tiller::Config c = pendulum();
+  for (tiller_prior_t& prior : c.priors) prior = {tiller_prior_fixed, 0, NAN, 0.0, 0.0, 0.0};
+  EXPECT_EQ(periodic(c), 0u);
+}
+
 TEST(PeriodicAngles, FrictionAndDelayLeaveThem) {
   EXPECT_EQ(periodic(pendulum_with(tiller_effect_viscous_friction, 0.1, 0.2)), 1u);
   EXPECT_EQ(periodic(pendulum_with(tiller_effect_coulomb_friction, 0.1, 0.2)), 1u);
