@@ -122,10 +122,10 @@ tiller_status_t ConjugatePosterior::start(const double* measured) {
 
 tiller_status_t ConjugatePosterior::skip(const Transition& transition) {
   if (!started_) return tiller_status_wrong_state;
-  const tiller_status_t refusal = check_transition(*config_, transition);
-  if (refusal != tiller_status_ok) return refusal;
   Transition unseen = transition;
   for (std::uint32_t k = 0; k < nx_; ++k) unseen.measured[k] = NAN;
+  const tiller_status_t refusal = check_transition(*config_, unseen);
+  if (refusal != tiller_status_ok) return refusal;
   const bool usable = predict(unseen);
   settle(unseen);
   inputs_.push(unseen.input);

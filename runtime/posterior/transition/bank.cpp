@@ -1,6 +1,7 @@
 #include "posterior/transition/bank.hpp"
 #include "posterior/transition/transition_posterior.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 
@@ -101,7 +102,9 @@ tiller_status_t BankPosterior::start(const double* measured) {
 
 tiller_status_t BankPosterior::skip(const Transition& transition) {
   if (!started_) return tiller_status_wrong_state;
-  const tiller_status_t refusal = check_transition(*config_, transition);
+  Transition unseen = transition;
+  std::fill(unseen.measured, unseen.measured + ny_, NAN);
+  const tiller_status_t refusal = check_transition(*config_, unseen);
   if (refusal != tiller_status_ok) return refusal;
   remember_input(transition.input);
   tiller_status_t leaders = tiller_status_ok;

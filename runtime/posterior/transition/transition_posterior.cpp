@@ -1,5 +1,6 @@
 #include "posterior/transition/transition_posterior.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 
@@ -97,7 +98,9 @@ tiller_status_t TransitionPosterior::start(const double* measured) {
 
 tiller_status_t TransitionPosterior::skip(const Transition& transition) {
   if (!started_) return tiller_status_wrong_state;
-  const tiller_status_t refusal = check_transition(*config_, transition);
+  Transition unseen = transition;
+  std::fill(unseen.measured, unseen.measured + nx_, NAN);
+  const tiller_status_t refusal = check_transition(*config_, unseen);
   if (refusal != tiller_status_ok) return refusal;
   predict(transition);
   complete_ = counted_ = false;
