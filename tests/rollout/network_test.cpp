@@ -262,6 +262,40 @@ TEST(NetworkEffect, RefusesWhatDoesNotFit) {
   EXPECT_EQ(make_step_setup(config, setup), tiller_status_bad_effect) << "one network cannot stand twice";
 }
 
+/// One value beyond what the header allows, at a time.
+TEST(NetworkCheck, NamesEveryFieldThatIsBeyondItsRange) {
+  using N = tiller_network_t;
+  const struct {
+    const char* field;
+    tiller_network_kind_t kind;
+    void (*spoil)(N&);
+  } cases[] = {
+      {"size", tiller_network_tanh, [](N& n) { --n.size; }},
+      {"kind", tiller_network_tanh, [](N& n) { n.kind = tiller_network_gaussian + 1; }},
+      {"inputs", tiller_network_tanh, [](N& n) { n.inputs = 0; }},
+      {"inputs", tiller_network_tanh, [](N& n) { n.inputs = TILLER_MAX_NETWORK_INPUTS + 1; }},
+      {"outputs", tiller_network_tanh, [](N& n) { n.outputs = 0; }},
+      {"outputs", tiller_network_tanh, [](N& n) { n.outputs = TILLER_MAX_NETWORK_OUTPUTS + 1; }},
+      {"members", tiller_network_tanh, [](N& n) { n.members = 0; }},
+      {"members", tiller_network_tanh, [](N& n) { n.members = TILLER_MAX_NETWORK_MEMBERS + 1; }},
+      {"hidden", tiller_network_tanh, [](N& n) { n.hidden[0] = 0; }},  // a second layer without a first
+      {"hidden", tiller_network_tanh, [](N& n) { n.hidden[0] = TILLER_MAX_NETWORK_WIDTH + 1; }},
+      {"hidden", tiller_network_tanh, [](N& n) { n.hidden[1] = TILLER_MAX_NETWORK_WIDTH + 1; }},
+      {"hidden", tiller_network_gaussian, [](N& n) { n.hidden[0] = n.hidden[1] = 0; }},
+      {"hidden", tiller_network_gaussian, [](N& n) { n.hidden[0] = TILLER_MAX_NETWORK_FEATURES + 1; }},
+      {"hidden", tiller_network_gaussian, [](N& n) { n.hidden[1] = TILLER_MAX_NETWORK_FEATURES + 1; }},
+      {"hidden", tiller_network_gaussian, [](N& n) { n.hidden[0] = n.hidden[1] = TILLER_MAX_NETWORK_FEATURES; }},
+      {"weight_count", tiller_network_tanh, [](N& n) { ++n.weight_count; }},
+      {"weights", tiller_network_tanh, [](N& n) { n.weights = nullptr; }},
+  };
+  for (const auto& c : cases) {
+    OwnNetwork own(c.kind, 3, 2, 2, 6, 5);
+    ASSERT_EQ(network_defect(own.network), nullptr);
+    c.spoil(own.network);
+    EXPECT_STREQ(network_defect(own.network), c.field);
+  }
+}
+
 TEST(NetworkCheck, NamesTheField) {
   OwnNetwork n(tiller_network_tanh, 3, 2, 2, 4, 4);
   EXPECT_EQ(network_defect(n.network), nullptr);
