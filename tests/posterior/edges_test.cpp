@@ -190,7 +190,8 @@ TEST_P(Edges, APeriodWithoutAMeasurementTeachesNothing) {
   t.measured[0] = HUGE_VAL;
   EXPECT_EQ(posterior->skip(t), tiller_status_ok);
   const std::vector<double> after = present();
-  for (int i = 0; i < 4; ++i) EXPECT_NEAR(after[static_cast<std::size_t>(i)], before[static_cast<std::size_t>(i)], 1e-12);
+  for (int i = 0; i < 4; ++i)
+    EXPECT_NEAR(after[static_cast<std::size_t>(i)], before[static_cast<std::size_t>(i)], 1e-12);
   EXPECT_NEAR(after[4], before[4] + 0.05 * before[5], 1e-4);
   EXPECT_GE(after[6], before[6]) << "and is less certain";
   t.measured[0] = t.measured[1] = NAN;  // an update that measures nothing moves the state as well

@@ -119,7 +119,8 @@ std::uint32_t most_of(std::uint32_t kind) {
 TEST(StepSetup, HasRoomForSoManyOfEach) {
   const auto room = [](std::uint32_t kind) {
     const EffectInfo& info = effect_info(kind);
-    const auto params = static_cast<std::uint32_t>(info.param_count), states = static_cast<std::uint32_t>(info.state_count);
+    const auto params = static_cast<std::uint32_t>(info.param_count),
+               states = static_cast<std::uint32_t>(info.state_count);
     const std::uint32_t by_params = (TILLER_MAX_PARAMS - model("pendulum").param_count) / params;
     const std::uint32_t by_states = states > 0 ? TILLER_MAX_EFFECT_STATES / states : TILLER_MAX_EFFECTS;
     return std::min(std::min(by_params, by_states), std::uint32_t{TILLER_MAX_EFFECTS});
