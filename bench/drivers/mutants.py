@@ -1,233 +1,387 @@
-"""./dev bench mutants: do the tests of the gate, the state machine and the sensor guard notice a mistake?
+"""./dev bench mutants: do the tests of the runtime notice a mistake?
 
-    --every N    only each N-th mutant (1)
-    --list       name the mutants and end
+    --folder NAME   safety, executive, posterior or planners (all four)
+    --count N       so many mutants of a folder, drawn at random (40; 0: all there are)
+    --seed S        of the draw (1)
+    --list          name the drawn mutants and end
+    --keep FILE     write each verdict to FILE, and take from there what it knows: a run that was cut goes on
+    --again         judge those in FILE anew that survived, after tests were written (./dev build release first)
+    --jobs N        mutants at a time (1)
+    --build DIR     the build whose compiler, flags, objects and tests are taken (build/release)
 
-Every mutant is one line of runtime/safety changed in one place: a bound dropped, a comparison turned, an entry of the
-transition table replaced. It is compiled with the tests of tests/safety as they are; a mutant that the tests pass has
-survived, and is named. Nothing is written outside a temporary folder.
+A mutant is one source file of runtime/NAME changed in one place: a comparison shifted by its bound or turned, an
+arithmetic or logical operator replaced, a constant replaced, a condition negated, a statement deleted, an entry of a
+table replaced by its neighbour. It is compiled as the build compiles it and linked with the objects of the tests that
+judge it. Short test programs run first. A test that fails, crashes or takes ten times its processor time kills it.
+
+Not judged are mutants that do not compile and those whose object files have the same bytes as the source's. What
+docs/evidence/mutants.md names as equivalent counts as neither killed nor survived. Nothing is written outside a
+temporary folder and FILE.
 """
 
 import argparse
+import collections
+import concurrent.futures
+import hashlib
+import json
 import os
 import pathlib
+import random
 import re
+import resource
+import shlex
+import shutil
 import subprocess
 import sys
 import tempfile
+import threading
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-SAFETY = ROOT / "runtime/safety"
+PAGE = ROOT / "docs/evidence/mutants.md"
 GOAL_PERCENT = 95.0
+# folders of tests whose programs judge a folder of the runtime
+JUDGES = {"safety": ["safety"], "executive": ["executive", "abi"], "posterior": ["posterior"], "planners": ["planners"]}
 
-# (file, what stands there once, what takes its place)
-LINES = [
-    ("gate", "if (!(rate_per_s > 0.0)) return 0.0;", "if (rate_per_s < 0.0) return 0.0;"),
-    ("gate", "if (rate_per_s > DBL_MAX) return rate_per_s;", "if (rate_per_s > DBL_MAX) return 0.0;"),
-    ("gate", "if (!(elapsed_s > 0.0)) return 0.0;", ""),
-    ("gate", "if (!(elapsed_s > 0.0)) return 0.0;", "if (elapsed_s > 0.0) return 0.0;"),
-    ("gate", "time_s = elapsed_s + kStampGrain_s;", "time_s = period_s;"),
-    ("gate", "if (!(period_s < time_s)) return", "if (period_s < time_s) return"),
-    ("gate", "if (!(period_s < time_s)) return", "return"),
-    ("gate", "times(rate_per_s, period_s) : 0.0", "rate_per_s : 0.0"),
-    ("gate", "x >= -DBL_MAX && ", ""),
-    ("gate", " && x <= DBL_MAX", ""),
-    ("gate", "if (g->count > TILLER_MAX_INPUTS) g->count = TILLER_MAX_INPUTS;", "g->count = 1;"),
-    ("gate", "if (!is_finite(*safe)) *safe = 0.0;", ""),
-    ("gate", "!is_finite(*low) || ", ""),
-    ("gate", "!is_finite(*high) || ", ""),
-    ("gate", " || *low > *high) *low", ") *low"),
-    ("gate", "*low = *high = *safe;\n", "*low = *high = 0.0;\n"),
-    ("gate", "*safe = brought_in(*safe, *low, *high);", ""),
-    ("gate", "    g->last[i] = g->safe_command[i];\n  }\n}\n\ndouble", "  }\n}\n\ndouble"),
-    ("gate", "if (g->low[i] <= safe[i] && safe[i] <= g->high[i]) g->safe", "if (safe[i] <= g->high[i]) g->safe"),
-    ("gate", "if (g->low[i] <= safe[i] && safe[i] <= g->high[i]) g->safe", "if (g->low[i] <= safe[i]) g->safe"),
-    ("gate", "if (g->low[i] <= safe[i] && safe[i] <= g->high[i]) g->safe", "if (false) g->safe"),
-    ("gate", "if (cones != NULL)", "if (false)"),
-    ("gate", "if (command == NULL) return false;", "if (command == NULL) return true;"),
-    ("gate", "if (!is_finite(command[i])) return false;", "if (command[i] != command[i]) return false;"),
-    ("gate", "if (!is_finite(command[i])) return false;", "if (command[i] - command[i] != 0.0) return true;"),
-    ("gate", "if (!(x >= low)) return low;", ""),
-    ("gate", "return high < x ? high : x;", "return x;"),
-    ("gate", "low < down ? down : low", "low"),
-    ("gate", "up < high ? up : high", "high"),
-    ("gate", "return last - step;", "return last - 1.01 * step;"),
-    ("gate", "return last + step;", "return last + 1.01 * step;"),
-    ("gate", "tolerance)) return tiller_status_command_limited;", "tolerance)) return tiller_status_rate_limited;"),
-    ("gate", "return apart(within, value, tolerance) ?", "return !apart(within, value, tolerance) ?"),
-    ("gate", "a - b > tolerance || ", ""),
-    ("gate", " || b - a > tolerance", ""),
-    ("gate", "TILLER_GATE_ROUNDING * (high - low)", "0.0 * (high - low)"),
-    ("gate", "} else if (all_finite(fallback, g->count)) {", "} else if (true) {"),
-    ("gate", "} else if (all_finite(fallback, g->count)) {", "} else if (false) {"),
-    ("gate", "const bool usable = all_finite(wanted, g->count);", "const bool usable = true;"),
-    ("gate", "if (status == tiller_status_ok) status = told", "status = told"),
-    ("gate", "if (status == tiller_status_ok) status = by_cones;", "status = by_cones;"),
-    ("gate", "if (status != tiller_status_ok) ++g->cuts;", "++g->cuts;"),
-    ("gate", "  ++g->rejections;\n", ""),
-    ("gate", "  return tiller_status_command_not_finite;\n}\n\nvoid", "  return status;\n}\n\nvoid"),
-    ("gate", "  keep(g, out);\n", ""),
-    ("gate", "if (!all_admissible(g, elapsed_s, u)) {", "if (false) {"),
-    ("gate", "if (!(low <= x && x <= high)) return false;", ""),
-    ("gate", "if (!(low <= x && x <= high)) return false;", "if (!(low <= x)) return false;"),
-    ("gate", "if (!(low <= x && x <= high)) return false;", "if (!(x <= high)) return false;"),
-    ("gate", "(last - step <= x && x <= last + step) || ", ""),
-    ("gate", " || (x - last <= step && last - x <= step)", ""),
-    ("gate", "last - step <= x && ", ""),
-    ("gate", " && x <= last + step", ""),
-    ("gate", "x - last <= step && ", ""),
-    ("gate", " && last - x <= step", ""),
-    ("gate", "period_s > 0.0 ? times(rate_per_s, period_s) : 0.0", "times(rate_per_s, period_s)"),
-    ("gate", "if (!all_admissible(g, elapsed_s, u)) {", "if (true) {"),
-    ("gate", "g->last[i] = out[i] = g->safe_command[i];", "out[i] = g->safe_command[i];"),
-    ("gate", "g->last[i] = out[i] = g->safe_command[i];", "out[i] = g->last[i];"),
-    ("gate", "{ *low = *high = *last = *safe; }", "{ (void)low, (void)high, (void)last, (void)safe; }"),
-    ("output_gate", "if (!cones_fit())", "if (false)"),
-    ("output_gate", "shrink_to_cones(cones_, safe);", ""),
-    ("output_gate", "cones_.count > 0 ? ", "cones_.count > 1 ? "),
-    ("output_gate", "|| cone.slope < 0.0)", ")"),
-    ("output_gate", "if (!(cone_radius(cone, gate_.low) >= 0.0)) return false;", ""),
-    ("output_gate", "!(gate_.low[i] <= 0.0 && ", "!("),
-
-    ("answer", "if (!tiller_machine_moves(m))", "if (false)"),
-    ("answer", "if (!tiller_machine_moves(m))", "if (!m->armed)"),
-    ("answer", "if (m->state == tiller_state_hold) return", "if (false) return"),
-    ("answer", "planned, hold, elapsed_s", "planned, planned, elapsed_s"),
-
-    ("machine", "if (next == kRefused) return tiller_status_wrong_state;", ""),
-    ("machine", "if (next == kRefused) return tiller_status_wrong_state;",
-     "if (next == kRefused) return tiller_status_ok;"),
-    ("machine", "m->state = (tiller_state_t)next;", ""),
-    ("machine", "if (event == tiller_event_arm) m->armed = true;", ""),
-    ("machine", "if (event == tiller_event_arm) m->armed = true;", "m->armed = true;"),
-    ("machine", "event == tiller_event_disarm || ", ""),
-    ("machine", "event == tiller_event_reset || ", ""),
-    ("machine", " || m->state == tiller_state_safe) m->armed = false;", ") m->armed = false;"),
-    ("machine", "at_fault = m->state == tiller_state_hold || ", "at_fault = "),
-    ("machine", "tiller_state_hold || m->state == tiller_state_safe;", "tiller_state_hold;"),
-    ("machine", "if (!at_fault) m->first_fault = tiller_status_ok;", ""),
-    ("machine", "if (at_fault && m->first_fault == tiller_status_ok) m->first_fault = why;",
-     "if (at_fault) m->first_fault = why;"),
-    ("machine", "if (at_fault && m->first_fault == tiller_status_ok) m->first_fault = why;", ""),
-
-    ("sensor_guard", "clocked_ && now_us < now_us_;", "false;"),
-    ("sensor_guard", "still_us_ += limits_.ahead_us;", ""),
-    ("sensor_guard", "measurement == nullptr || repeated(*measurement)", "measurement == nullptr"),
-    ("sensor_guard", "verdict.lost = bad_ticks_ >= limits_.bad_ticks_to_safe;",
-     "verdict.lost = bad_ticks_ > limits_.bad_ticks_to_safe;"),
-    ("sensor_guard", "    bad_ticks_ = 0;\n    verdict.usable", "    verdict.usable"),
-    ("sensor_guard", "    still_us_ = 0;\n    bad_ticks_", "    bad_ticks_"),
-    ("sensor_guard", "    verdict.usable = false;\n    verdict.lost = true;", "    verdict.lost = true;"),
-    ("sensor_guard", "    verdict.usable = false;\n    verdict.lost = true;", "    verdict.usable = false;"),
-    ("sensor_guard", "return should_move && ", "return "),
-    ("sensor_guard", "limits_.frozen_ticks != 0 && ", ""),
-    ("sensor_guard", "repeats_ >= limits_.frozen_ticks", "repeats_ > limits_.frozen_ticks"),
-    ("sensor_guard", "if (age_us > limits_.timeout_us) return tiller_status_sensor_stale;", ""),
-    ("sensor_guard", "if (age_us < -limits_.ahead_us) return tiller_status_sensor_stale;", ""),
-    ("sensor_guard", "if (started_ && stamp_us <= stamp_us_)", "if (started_ && stamp_us < stamp_us_)"),
-    ("sensor_guard", "started_ ? present > 0 : present == limits_.count", "present > 0"),
-    ("sensor_guard", "started_ ? present > 0 : present == limits_.count", "present == limits_.count"),
-    ("sensor_guard", "if (!std::isfinite(value)) return tiller_status_sensor_not_finite;", ""),
-    ("sensor_guard", "value < limits_.low[i] || ", ""),
-    ("sensor_guard", " || value > limits_.high[i])", ")"),
-    ("sensor_guard", "change = std::remainder(change, kTwoPi);", ";"),
-    ("sensor_guard", "elapsed_us(stamp_us, seen_us_[i])", "elapsed_us(stamp_us, stamp_us_)"),
-    ("sensor_guard", "std::abs(change) > limits_", "change > limits_"),
-    ("sensor_guard", "timeout_us - still_us_) return true;", "timeout_us) return true;"),
-    ("sensor_guard", "  started_ = true;", ""),
-]
+Mutant = collections.namedtuple("Mutant", "name path text")
+Judge = collections.namedtuple("Judge", "target folder link cpu_s wall_s")
 
 
-def table_mutants(text):
-    """Every entry of the transition table, replaced by another state."""
-    for row in re.finditer(r"^  /\* (\w+) +\*/ \{(.*)\},$", text, re.MULTILINE):
-        entries = [e.strip() for e in row[2].split(",")]
+# ---- what is changed -------------------------------------------------------------------------------
+
+# what no mutant touches: comments, strings, characters, the preprocessor, static assertions, template parameters
+UNTOUCHED = re.compile(r"""//[^\n]*|/\*.*?\*/|"(?:\\.|[^"\\\n])*"|'(?:\\.|[^'\\\n])'|^[ \t]*\#(?:\\\n|[^\n])*"""
+                       r"|static_assert\([^;]*;|template <[^{;()]*>", re.DOTALL | re.MULTILINE)
+# operators stand between blanks (clang-format), which tells them from brackets of templates and from pointers
+PAIRS = {"<": ["<=", ">="], "<=": ["<", ">"], ">": [">=", "<="], ">=": [">", "<"], "==": ["!="], "!=": ["=="],
+         "+": ["-"], "-": ["+"], "*": ["/"], "/": ["*"], "%": ["*"], "&&": ["||"], "||": ["&&"],
+         "+=": ["-="], "-=": ["+="], "*=": ["/="], "/=": ["*="]}
+OPERATOR = re.compile(r"(?<= )(%s)(?=[ \n])" % "|".join(re.escape(o) for o in sorted(PAIRS, key=len, reverse=True)))
+STEP = re.compile(r"\+\+(?=[\w(*])|--(?=[\w(*])")
+SIGN = re.compile(r"(?<=[(,=\s\[])-(?=[\w(.])|(?<![\w)\]])!(?=[\w(])")
+NUMBER = re.compile(r"(?<![\w.<'])(\d+\.\d*(?:e[-+]?\d+)?|\d+e[-+]?\d+|\d+)(?=[fuUlL]*\b|[fuUlL]*(?=\W))")
+CONDITION = re.compile(r"\b(?:if|while) \(")
+STATEMENT = re.compile(r"(?<=[;{}):\n])\s*\n +([^;{}\n]*;)(?=\n)")
+DECLARATION = re.compile(r"(?:return|case|default|using|const|constexpr|static|auto|goto|typedef)\b|[\w:<>]+[*&]* [*&]*\w+ *[=;({,]")
+RETURN = re.compile(r"\breturn;")
+ROW = re.compile(r"^ *(?:  )?\{([\w, ]+)\},?$", re.MULTILINE)
+
+
+def matching(text, start):
+    """The end of the bracket that opens at start."""
+    depth = 0
+    for i in range(start, len(text)):
+        depth += (text[i] == "(") - (text[i] == ")")
+        if depth == 0:
+            return i + 1
+    return len(text)
+
+
+def other_number(digits):
+    if re.fullmatch(r"\d+", digits):
+        return "0" if digits == "1" else str(int(digits) + 1)
+    return "0.0" if float(digits) == 1.0 else "1.0"
+
+
+def changes(code):
+    """(start, end, replacement) of every mutant of a source whose untouched parts are blanks."""
+    for found in OPERATOR.finditer(code):
+        yield from ((*found.span(), other) for other in PAIRS[found[1]])
+    for found in STEP.finditer(code):
+        yield (*found.span(), "--" if found[0] == "++" else "++")
+    for found in SIGN.finditer(code):
+        yield (*found.span(), "")
+    for found in NUMBER.finditer(code):
+        yield (*found.span(1), other_number(found[1]))
+    for found in CONDITION.finditer(code):
+        start = found.end() - 1
+        end = matching(code, start)
+        if not re.search(r" (?:[<>]=?|[!=]=) ", code[start:end]):  # else its comparison is turned
+            yield (start, end, f"(!{code[start:end]})")
+    for found in STATEMENT.finditer(code):
+        if found[1].count("(") == found[1].count(")") and not DECLARATION.match(found[1]):
+            yield (*found.span(1), ";")
+    for found in RETURN.finditer(code):
+        yield (*found.span(), ";")
+    for found in ROW.finditer(code):
+        entries = list(re.finditer(r"[a-zA-Z]\w*", found[1]))
         for i, entry in enumerate(entries):
-            other = "kActive" if entry in ("kSafe", "kRefused") else "kSafe"
-            changed = entries[:i] + [other] + entries[i + 1:]
-            yield (f"machine: {row[1]}, event {i}: {entry} -> {other}", "machine",
-                   text[:row.start(2)] + ", ".join(changed) + text[row.end(2):])
+            rest = (e[0] for e in entries[i:] + entries[:i] if e[0] != entry[0])
+            yield (found.start(1) + entry.start(), found.start(1) + entry.end(), next(rest, entry[0]))
 
 
-def all_mutants():
-    texts = {p.stem: p.read_text(encoding="utf-8") for p in SAFETY.glob("*.c*")}
-    mutants = list(table_mutants(texts["machine"]))
-    for name, old, new in LINES:
-        if texts[name].count(old) < 1:
-            sys.exit(f"mutants: {name} no longer holds: {old!r}")
-        what = f"{name}: {' '.join(old.split())} -> {' '.join(new.split()) or 'nothing'}"
-        mutants.append((what, name, texts[name].replace(old, new, 1)))
-    return texts, mutants
+def mutants_of(path):
+    text = path.read_text(encoding="utf-8")
+    code = UNTOUCHED.sub(lambda found: re.sub(r"[^\n]", " ", found[0]), text)
+    named = collections.Counter()
+    for start, end, other in sorted(changes(code)):
+        first, last = text.rfind("\n", 0, start) + 1, text.find("\n", end)
+        what = "delete: " + text[start:end] if other == ";" else f"{text[start:end]} -> {other or 'nothing'}"
+        before, after = text[first:start].lstrip()[-30:], text[end:last][:30]
+        name = " ".join(f"{path.relative_to(ROOT / 'runtime')}: {before}{{{what}}}{after}".split())
+        named[name] += 1
+        if named[name] > 1:
+            name += f" ({named[name]})"
+        yield Mutant(name, path, text[:start] + other + text[end:])
+
+
+def drawn(folder, count, seed):
+    sources = sorted(p for p in (ROOT / "runtime" / folder).rglob("*.c*") if p.suffix in (".c", ".cpp"))
+    every = [mutant for path in sources for mutant in mutants_of(path)]
+    return every if count == 0 else random.Random(seed).sample(every, min(count, len(every)))
+
+
+# ---- how it is judged ------------------------------------------------------------------------------
+
+
+def run(argv, **more):
+    return subprocess.run(argv, capture_output=True, text=True, errors="replace", check=False, **more)
+
+
+def command_of(build, target):
+    """The words of the command by which ninja makes a target."""
+    done = run(["ninja", "-C", build, "-t", "commands", "-s", target])
+    for line in reversed(done.stdout.splitlines()):
+        for words in (shlex.split(part) for part in line.split("&&")):
+            if str(target) in words and words[0] != ":" and "rm" not in words:
+                return words
+    sys.exit(f"mutants: {build} has no {target} (./dev build release makes it)")
+
+
+def instead(words, others):
+    return [str(others.get(word, word)) for word in words]
 
 
 class Bench:
-    """Objects of everything once; then one source and a link a mutant."""
+    """A build, and what of it a folder's mutants need."""
 
-    def __init__(self, folder, sources):
-        self.folder = pathlib.Path(folder)
-        self.compiler = os.environ.get("CXX", "c++")
-        self.commands = {".cpp": [self.compiler, "-std=c++17"], ".c": [os.environ.get("CC", "cc"), "-std=c99"]}
-        self.flags = ["-O1", f"-I{ROOT}", f"-I{ROOT / 'runtime'}", f"-I{ROOT / 'runtime/include'}"]
-        self.suffixes = {p.stem: p.suffix for p in SAFETY.glob("*.c*")}
-        self.objects = {name: self.compile(SAFETY / (name + self.suffixes[name]), name) for name in sources}
-        core = [self.compile(path, path.stem) for path in sorted((ROOT / "runtime/core").glob("*.cpp"))]
-        tests = {path.stem: self.compile(path, path.stem)
-                 for path in sorted((ROOT / "tests/safety").glob("*_test.cpp"))}
-        alone = tests.pop("gate_rounding_test")  # a program of its own: it takes the place of the cones
-        self.programs = [(set(sources), [*tests.values(), *core]), ({"gate"}, [alone, *core])]
+    def __init__(self, build, folder, scratch, known):
+        self.build, self.scratch, self.known = build, scratch, known
+        self.library = f"runtime/{folder}/libtiller_{folder}.a"
+        self.archive = next(words for words in self.archive_commands() if "qc" in words)
+        self.units = self.units_of()
+        self.originals, self.lock = {}, threading.Lock()
+        self.judges = sorted(self.judges_of(folder), key=lambda judge: judge.wall_s)
 
-    def compile(self, path, name):
-        out = self.folder / f"{name}.o"
-        done = subprocess.run([*self.commands[path.suffix], *self.flags, "-c", path, "-o", out], capture_output=True, text=True,
-                              check=False)
-        if done.returncode != 0:
-            raise ValueError(done.stderr)
-        return out
+    def archive_commands(self):
+        done = run(["ninja", "-C", self.build, "-t", "commands", self.library])
+        return [shlex.split(part) for part in done.stdout.splitlines()[-1].split("&&")]
 
-    def tests_pass(self, name, text):
-        path = self.folder / f"mutant{self.suffixes[name]}"
-        path.write_text(text, encoding="utf-8")
-        objects = {**self.objects, name: self.compile(path, "mutant")}
-        return all(self.passes([objects[one] for one in sorted(parts)] + others)
-                   for parts, others in self.programs if name in parts)
+    def units_of(self):
+        """source -> [(command, object, text of the unit)]; a file that is compiled for several instruction sets has several."""
+        units = collections.defaultdict(list)
+        members = set(self.archive)
+        for entry in json.loads((self.build / "compile_commands.json").read_text()):
+            words = shlex.split(entry["command"])
+            made = words[words.index("-o") + 1]
+            if made in members:
+                path = pathlib.Path(entry["file"])
+                found = re.match(r'#include "(.*\.cpp)"', path.read_text(encoding="utf-8"))
+                copied = found is not None and path.is_relative_to(self.build)
+                units[pathlib.Path(found[1]) if copied else path].append((words, made, path, copied))
+        return units
 
-    def passes(self, objects):
-        program = self.folder / "tests"
-        subprocess.run([self.compiler, *objects, "-lgtest", "-lgtest_main", "-lpthread", "-o", program], check=True)
+    def judges_of(self, folder):
+        listed = json.loads(run(["ctest", "--test-dir", self.build, "--show-only=json-v1"]).stdout)
+        wanted = {self.build / "tests" / name for name in JUDGES[folder]}
+        for test in listed["tests"]:
+            program = pathlib.Path(test.get("command", ["none"])[0])
+            labels = [p["value"] for p in test["properties"] if p["name"] == "LABELS"]
+            if program.parent not in wanted or not program.name.endswith("_test") or "slow" in sum(labels, []):
+                continue
+            target = str(program.relative_to(self.build))
+            link = command_of(self.build, target)
+            if self.library in link:
+                yield self.measured(target, link)
+
+    def measured(self, target, link):
+        """A judge with the time that it takes on the source as it is."""
+        if target not in self.known:
+            before = resource.getrusage(resource.RUSAGE_CHILDREN)
+            folder = self.scratch / "unchanged"
+            folder.mkdir(exist_ok=True)
+            begin = os.times().elapsed
+            why = self.failure(self.build / target, folder, 3600, 3600)
+            if why:
+                sys.exit(f"mutants: without any mutant {target} fails: {why}")
+            after = resource.getrusage(resource.RUSAGE_CHILDREN)
+            cpu_s = sum(after[:2]) - sum(before[:2])
+            self.known.put({"name": target, "cpu_s": cpu_s, "wall_s": os.times().elapsed - begin})
+        row = self.known[target]
+        return Judge(target, pathlib.Path(target).name, link, row["cpu_s"], row["wall_s"])
+
+    def compiled(self, path, text, folder):
+        """{object of the build: object of the mutant}, or None for a text that does not compile."""
+        mutated = folder / path.name
+        mutated.write_text(text, encoding="utf-8")
+        objects = {}
+        for i, (words, made, unit, copied) in enumerate(self.units[path]):
+            source = mutated
+            if copied:
+                source = folder / unit.name
+                source.write_text(f'#include "{mutated}"\n', encoding="utf-8")
+            objects[made] = folder / f"{i}.o"
+            done = run(instead(words, {made: objects[made], str(unit): source}) + ["-w", "-iquote", path.parent],
+                       cwd=self.build)
+            if done.returncode != 0:
+                return None
+        return objects
+
+    def original(self, path):
+        with self.lock:
+            if path not in self.originals:
+                folder = self.scratch / f"original_{len(self.originals)}"
+                folder.mkdir()
+                # in a folder of the same name for every mutant: names of anonymous namespaces may hold the path
+                self.originals[path] = [o.read_bytes() for o in self.compiled(path, path.read_text(), folder).values()]
+            return self.originals[path]
+
+    def verdict(self, mutant):
+        """(verdict, the judge that killed it)."""
+        if not self.units[mutant.path]:
+            return "not in this build", ""
+        with tempfile.TemporaryDirectory(dir=self.scratch) as name:
+            folder = pathlib.Path(name)
+            objects = self.compiled(mutant.path, mutant.text, folder)
+            if objects is None:
+                return "does not compile", ""
+            if [o.read_bytes() for o in objects.values()] == self.original(mutant.path):
+                return "same object", ""
+            library = folder / "mutant.a"
+            subprocess.run(instead(self.archive, {**objects, self.library: library}), cwd=self.build, check=True)
+            for judge in self.judges:
+                program = folder / judge.folder
+                words = instead(judge.link, {self.library: library, judge.target: program})
+                done = run(words, cwd=self.build)
+                if done.returncode != 0:
+                    raise RuntimeError(f"{judge.target} does not link with {mutant.name}:\n{done.stderr}")
+                why = self.failure(program, folder, 10 * judge.cpu_s + 5, 20 * judge.wall_s + 120)
+                program.unlink()
+                if why:
+                    return "killed", f"{judge.folder}: {why}"
+        return "survived", ""
+
+    def failure(self, program, folder, cpu_s, wall_s):
+        """Why a program of tests fails, or nothing. Who waits for ever uses no processor time: the clock ends it."""
+        def limits():
+            resource.setrlimit(resource.RLIMIT_CPU, (int(cpu_s) + 1, int(cpu_s) + 2))
+            resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
         try:
-            return subprocess.run([program, "--gtest_fail_fast"], stdout=subprocess.DEVNULL,
-                                  stderr=subprocess.DEVNULL, timeout=120, check=False).returncode == 0
+            done = run([program, "--gtest_fail_fast"], cwd=folder, timeout=wall_s, preexec_fn=limits,
+                       env=dict(os.environ, TEST_TMPDIR=str(folder)))
         except subprocess.TimeoutExpired:
-            return False
+            return "it waits for ever"
+        if done.returncode == 0:
+            return ""
+        failed = re.search(r"^\[  FAILED  \] (\S+?),? ", done.stdout + " ", re.MULTILINE)
+        begun = re.findall(r"^\[ RUN      \] (\S+)", done.stdout, re.MULTILINE)
+        return failed[1] if failed else f"{begun[-1] if begun else 'start'} ended by {done.returncode}"
+
+
+class Known:
+    """Verdicts and times that a file keeps, a row of JSON each."""
+
+    def __init__(self, path):
+        self.path, self.rows, self.lock = path, {}, threading.Lock()
+        if path and path.exists():
+            for line in path.read_text(encoding="utf-8").splitlines():
+                row = json.loads(line)
+                self.rows[row["name"], row.get("text", "")] = row
+
+    def __contains__(self, name):
+        return (name, "") in self.rows
+
+    def __getitem__(self, name):
+        return self.rows[name, ""]
+
+    def of(self, mutant, again):
+        row = self.rows.get((mutant.name, digest(mutant)), {})
+        return None if again and row.get("verdict") == "survived" else row.get("verdict")
+
+    def put(self, row):
+        with self.lock:
+            self.rows[row["name"], row.get("text", "")] = row
+            if self.path:
+                with self.path.open("a", encoding="utf-8") as out:
+                    out.write(json.dumps(row) + "\n")
+
+
+def digest(mutant):
+    return hashlib.sha256(mutant.text.encode()).hexdigest()[:16]
+
+
+# ---- what is told ----------------------------------------------------------------------------------
+
+
+def equivalents():
+    """Mutants that the page names, each with its reason: "- `name`: reason"."""
+    text = PAGE.read_text(encoding="utf-8") if PAGE.exists() else ""
+    return set(re.findall(r"^- `(.+?)`: ", text, re.MULTILINE))
+
+
+def judged(args, folder, mutants):
+    known = Known(args.keep)
+    scratch = pathlib.Path("/dev/shm" if os.access("/dev/shm", os.W_OK) else tempfile.gettempdir())
+    verdicts = {m: v for m in mutants if (v := known.of(m, args.again))}
+    with tempfile.TemporaryDirectory(dir=scratch) as name, concurrent.futures.ThreadPoolExecutor(args.jobs) as pool:
+        bench = Bench(args.build.resolve(), folder, pathlib.Path(name), known)
+        todo = [m for m in mutants if m not in verdicts]
+        running = {pool.submit(bench.verdict, mutant): mutant for mutant in todo}
+        for ended in concurrent.futures.as_completed(running):
+            mutant = running[ended]
+            verdict, by = ended.result()
+            verdicts[mutant] = verdict
+            known.put({"name": mutant.name, "text": digest(mutant), "verdict": verdict, "by": by})
+            print(f"  {len(verdicts)}/{len(mutants)} {verdict}: {mutant.name}{by and f' (by {by})'}", flush=True)
+    return verdicts
+
+
+def row(what, figure, unit, verdict=""):
+    goal = f"goal >= {GOAL_PERCENT:<7g} {verdict}" if verdict else ""
+    print(f"  {what:<58} {figure:10.4g} {unit:<8} {goal}", flush=True)
+
+
+def told(folder, verdicts):
+    """The rows of a folder; whether its goal is met."""
+    named = equivalents()
+    survivors = [m.name for m, v in verdicts.items() if v == "survived"]
+    missed = [name for name in survivors if name not in named]
+    count = collections.Counter(verdicts.values())
+    for name in missed:
+        print(f"  survived: {name}", flush=True)
+    print(f"mutants of runtime/{folder}")
+    row("drawn", len(verdicts), "mutants")
+    for verdict in ("not in this build", "does not compile", "same object"):
+        if count[verdict]:
+            row(f"of these not judged: {verdict}", count[verdict], "mutants")
+    row("judged", count["killed"] + count["survived"], "mutants")
+    row("killed of those judged", 100.0 * count["killed"] / max(1, count["killed"] + count["survived"]), "%")
+    if len(missed) < len(survivors):
+        row("survived and equivalent (docs/evidence/mutants.md)", len(survivors) - len(missed), "mutants")
+    killed = 100.0 * count["killed"] / max(1, count["killed"] + len(missed))
+    row(f"killed by tests/{', tests/'.join(JUDGES[folder])}", killed, "%", "met" if killed >= GOAL_PERCENT else "short")
+    return killed >= GOAL_PERCENT
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--every", type=int, default=1)
+    parser.add_argument("--folder", choices=JUDGES, action="append")
+    parser.add_argument("--count", type=int, default=40)
+    parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--list", action="store_true")
+    parser.add_argument("--keep", type=pathlib.Path)
+    parser.add_argument("--again", action="store_true")
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--build", type=pathlib.Path, default=ROOT / "build/release")
     args = parser.parse_args()
-    texts, mutants = all_mutants()
-    mutants = mutants[::args.every]
-    if args.list:
-        print(*[what for what, _, _ in mutants], sep="\n")
-        return 0
-    survivors = []
-    with tempfile.TemporaryDirectory() as folder:
-        bench = Bench(folder, texts)
-        if not bench.tests_pass("output_gate", texts["output_gate"]):
-            sys.exit("mutants: the tests fail without any mutant")
-        for what, name, text in mutants:
-            try:
-                if bench.tests_pass(name, text):
-                    survivors.append(what)
-                    print(f"  survived: {what}", flush=True)
-            except ValueError as error:
-                sys.exit(f"mutants: {what} does not compile:\n{error}")
-    killed = 100.0 * (1 - len(survivors) / len(mutants))
-    verdict = "met" if killed >= GOAL_PERCENT else "short"
-    print(f"  {'mutants of gate, state machine and sensor guard':<58} {len(mutants):10d} {'mutants':<8} {'':<16}")
-    print(f"  {'killed by tests/safety':<58} {killed:10.4g} {'%':<8} goal >= {GOAL_PERCENT:<7g} {verdict}")
-    return 0 if verdict == "met" else 1
+    met = True
+    for folder in args.folder or JUDGES:
+        mutants = drawn(folder, args.count, args.seed)
+        if args.list:
+            print(*[mutant.name for mutant in mutants], sep="\n")
+        else:
+            met = told(folder, judged(args, folder, mutants)) and met
+    return 0 if met else 1
 
 
 if __name__ == "__main__":
