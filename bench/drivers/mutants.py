@@ -6,6 +6,7 @@
     --list          name the drawn mutants and end
     --keep FILE     write each verdict to FILE, and take from there what it knows: a run that was cut goes on
     --again         judge those in FILE anew that survived, after tests were written (./dev build release first)
+    --longest S     without test programs of more than S seconds of processor time (all judge)
     --jobs N        mutants at a time (1)
     --build DIR     the build whose compiler, flags, objects and tests are taken (build/release)
 
@@ -22,6 +23,7 @@ temporary folder and FILE.
 import argparse
 import collections
 import concurrent.futures
+import filecmp
 import hashlib
 import json
 import os
@@ -154,13 +156,14 @@ def instead(words, others):
 class Bench:
     """A build, and what of it a folder's mutants need."""
 
-    def __init__(self, build, folder, scratch, known):
+    def __init__(self, build, folder, scratch, known, longest_s):
         self.build, self.scratch, self.known = build, scratch, known
         self.library = f"runtime/{folder}/libtiller_{folder}.a"
         self.archive = next(words for words in self.archive_commands() if "qc" in words)
         self.units = self.units_of()
         self.originals, self.lock = {}, threading.Lock()
-        self.judges = sorted(self.judges_of(folder), key=lambda judge: judge.wall_s)
+        self.long = set(self.long_tests(longest_s))
+        self.judges = sorted((j for j in self.judges_of(folder) if j.cpu_s <= longest_s), key=lambda j: j.cpu_s)
 
     def archive_commands(self):
         done = run(["ninja", "-C", self.build, "-t", "commands", self.library])
@@ -180,6 +183,14 @@ class Bench:
                 units[pathlib.Path(found[1]) if copied else path].append((words, made, path, copied))
         return units
 
+    def long_tests(self, longest_s):
+        """Those of which ctest knows that they take longer."""
+        costs = self.build / "Testing/Temporary/CTestCostData.txt"
+        for line in costs.read_text().splitlines() if costs.exists() else []:
+            name, *numbers = line.split()
+            if len(numbers) == 2 and float(numbers[1]) > longest_s:
+                yield name
+
     def judges_of(self, folder):
         listed = json.loads(run(["ctest", "--test-dir", self.build, "--show-only=json-v1"]).stdout)
         wanted = {self.build / "tests" / name for name in JUDGES[folder]}
@@ -190,7 +201,7 @@ class Bench:
                 continue
             target = str(program.relative_to(self.build))
             link = command_of(self.build, target)
-            if self.library in link:
+            if self.library in link and test["name"] not in self.long:
                 yield self.measured(target, link)
 
     def measured(self, target, link):
@@ -252,6 +263,8 @@ class Bench:
                 program = folder / judge.folder
                 words = instead(judge.link, {self.library: library, judge.target: program})
                 done = run(words, cwd=self.build)
+                if done.returncode == 0 and filecmp.cmp(program, self.build / judge.target, shallow=False):
+                    continue  # it does not hold the source
                 if done.returncode != 0:
                     raise RuntimeError(f"{judge.target} does not link with {mutant.name}:\n{done.stderr}")
                 why = self.failure(program, folder, 10 * judge.cpu_s + 5, 20 * judge.wall_s + 120)
@@ -324,7 +337,7 @@ def judged(args, folder, mutants):
     scratch = pathlib.Path("/dev/shm" if os.access("/dev/shm", os.W_OK) else tempfile.gettempdir())
     verdicts = {m: v for m in mutants if (v := known.of(m, args.again))}
     with tempfile.TemporaryDirectory(dir=scratch) as name, concurrent.futures.ThreadPoolExecutor(args.jobs) as pool:
-        bench = Bench(args.build.resolve(), folder, pathlib.Path(name), known)
+        bench = Bench(args.build.resolve(), folder, pathlib.Path(name), known, args.longest)
         todo = [m for m in mutants if m not in verdicts]
         running = {pool.submit(bench.verdict, mutant): mutant for mutant in todo}
         for ended in concurrent.futures.as_completed(running):
@@ -371,6 +384,7 @@ def main():
     parser.add_argument("--list", action="store_true")
     parser.add_argument("--keep", type=pathlib.Path)
     parser.add_argument("--again", action="store_true")
+    parser.add_argument("--longest", type=float, default=float("inf"))
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--build", type=pathlib.Path, default=ROOT / "build/release")
     args = parser.parse_args()

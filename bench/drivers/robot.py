@@ -145,7 +145,8 @@ def gate(args):
 @section("mutants")
 def mutants(args):
     rows, _ = run_table("mutants", pathlib.Path(sys.executable),
-                        [str(ROOT / "bench/drivers/mutants.py"), "--every", "8" if args.quick else "1"])
+                        [str(ROOT / "bench/drivers/mutants.py"), "--folder", "safety", "--count", "40" if args.quick else "0",
+                         "--build", str(args.build)])
     if not rows:
         raise NotMeasured("bench/drivers/mutants.py did not come to its end")
     return rows

@@ -135,6 +135,7 @@ TEST(Probe, ACalibrationEndsOnceEnoughIsKnown) {
   while (loop.info().calibration_left > 0 && ++ticks < 1000) (void)loop.tick();
   EXPECT_LT(ticks, 900);
   EXPECT_LE(loop.info().param_sd[0], 0.2);
+  EXPECT_EQ(loop.info().probing, static_cast<std::uint32_t>(tiller_probing_none));
 }
 
 TEST(Probe, TheTaskBeginsBehindTheCalibration) {

@@ -98,6 +98,14 @@ TEST_F(Timeline, MergesTheNeighboursThatHeldForTheShortestTime) {
   EXPECT_EQ(mean(0, 0.0, 0.010), 0.0) << "the oldest is still there";
 }
 
+TEST_F(Timeline, OfEqualsTheOldestPairIsMerged) {
+  const auto during = [&](int k) { return mean(0, 10000.0 * k * 1e-6, 10000.0 * (k + 1) * 1e-6); };
+  for (int k = 0; k <= 64; ++k) push(k * 10000, k);
+  EXPECT_EQ(during(0), 0.5) << "of the two only the mean is known";
+  EXPECT_EQ(during(1), 0.5);
+  for (int k = 2; k < 64; ++k) EXPECT_EQ(during(k), k) << "as they were sent";
+}
+
 TEST_F(Timeline, AgreesWithASampledMean) {
   // commands at random times against a mean over a fine grid
   tiller::Rng rng(3, 50, 0);

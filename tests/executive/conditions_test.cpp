@@ -3,7 +3,10 @@
 
 #include <cmath>
 #include <cstring>
+#include <functional>
 #include <limits>
+#include <string>
+#include <vector>
 
 #include "bench.hpp"
 #include "executive/angle_origin.hpp"
@@ -52,6 +55,48 @@ TEST(Conditions, MorePartsThanAReportHoldsAreLeftOut) {
   std::size_t sum = 0;
   for (std::uint32_t i = 0; i < parts.count; ++i) sum += parts.part[i].bytes;
   EXPECT_EQ(sum, measure.used()) << "the parts are the whole";
+}
+
+/// Bytes of a part; -1 where there is none of that name.
+long bytes_of(const tiller_config_t& config, const std::string& name) {
+  tiller::Arena measure;
+  tiller::PartSizes parts;
+  (void)tiller::Executive::lay_out(measure, config, nullptr, &parts);
+  for (std::uint32_t i = 0; i < parts.count; ++i)
+    if (name == parts.part[i].name) return static_cast<long>(parts.part[i].bytes);
+  return -1;
+}
+
+TEST(Conditions, WhatASettingTakesGoesUnderThePartThatItIsOf) {
+  static const double mean[4] = {}, root[8] = {1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0};
+  const struct {
+    const char* grows;
+    std::function<void(tiller::Config&)> set;
+    std::vector<const char*> stay;
+  } cases[] = {
+      {"recorder", [](tiller::Config& c) { c.record_ticks *= 2; }, {"motion check", "planner", "delay history"}},
+      {"prediction", [](tiller::Config& c) { c.planner.predict_spread = 1; }, {"plan", "probing", "posterior"}},
+      {"plan", [](tiller::Config& c) { c.planner.horizon *= 2; }, {"planner", "prediction", "recorder"}},
+      {"planning belief", [](tiller::Config& c) { c.planner.particles *= 2; }, {"steady target", "executive"}},
+      {"demonstration",
+       [](tiller::Config& c) {
+         c.cost.demonstration_mean = mean, c.cost.demonstration_root = root;
+         c.cost.demonstration_steps = 2, c.cost.demonstration_weight = 1.0;
+         c.cost.demonstration_divergence = tiller_divergence_kl;
+       },
+       {"steady target", "planner", "command timeline"}},
+  };
+  const tiller::Config before = known_pendulum();
+  for (const auto& one : cases) {
+    tiller::Config after = known_pendulum();
+    one.set(after);
+    EXPECT_GE(bytes_of(before, one.grows), 0) << one.grows;
+    EXPECT_GT(bytes_of(after, one.grows), bytes_of(before, one.grows)) << one.grows;
+    for (const char* name : one.stay) {
+      EXPECT_GE(bytes_of(before, name), 0) << name;
+      EXPECT_EQ(bytes_of(after, name), bytes_of(before, name)) << one.grows << " and " << name;
+    }
+  }
 }
 
 TEST(Conditions, HypothesesOfDelaysAreBroughtForward) {
@@ -214,6 +259,13 @@ struct ProbingRig {
   tiller::StepSetup setup;
   tiller::Probing* probing = nullptr;
 };
+
+TEST(Conditions, WithoutAWeightNothingProbesAndNothingIsLaidOutForIt) {
+  ProbingRig rig(known_pendulum());
+  EXPECT_EQ(rig.probing, nullptr);
+  EXPECT_EQ(bytes_of(known_pendulum(), "probing"), 0);
+  EXPECT_GT(bytes_of(probed_pendulum(), "probing"), 0);
+}
 
 TEST(Conditions, ABoxHoldsWhileACalibrationRuns) {
   ProbingRig rig(probed_pendulum());

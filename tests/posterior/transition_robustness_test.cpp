@@ -70,6 +70,30 @@ TEST(TransitionRobustness, WhatItCannotTakeInIsRefusedBeforehand) {
   EXPECT_EQ(field, "effects");
 }
 
+TEST(EveryEngine, TellsNothingOfAParticleThatIsNotThere) {
+  for (const std::uint32_t forgettings : {1u, 2u})  // the second: a bank of engines
+    for (std::uint32_t kind = 0; kind < tiller_posterior_kind_count; ++kind) {
+      if (forgettings > 1 && kind != tiller_posterior_transition) continue;
+      auto c = rig::transition_config();
+      c.posterior.kind = kind;
+      c.posterior.particles = 64;
+      c.priors[0] = rig::normal(1.0, 0.3);
+      c.priors[1] = rig::normal(0.4, 0.2);
+      c.posterior.forgetting_count = forgettings;
+      c.posterior.forgetting[1] = 0.9;
+      Instance p(c, nullptr, table());
+      const double first[2] = {};
+      ASSERT_EQ(p->start(first), tiller_status_ok) << tiller::posterior_name(kind);
+      const std::uint32_t n = p->size();
+      double params[2] = {7.0, 7.0}, state[2] = {7.0, 7.0}, weight = 7.0;
+      for (const std::uint32_t index : {n, n + 1, UINT32_MAX}) p->particle(index, params, state, &weight);
+      for (const double untouched : {params[0], params[1], state[0], state[1], weight})
+        EXPECT_EQ(untouched, 7.0) << tiller::posterior_name(kind);
+      p->particle(n - 1, params, state, &weight);
+      EXPECT_TRUE(params[1] != 7.0 && state[1] != 7.0 && weight != 7.0) << tiller::posterior_name(kind);
+    }
+}
+
 TEST(TransitionRobustness, RefusedTransitionsChangeNothing) {
   const auto c = rig::transition_config();
   const auto log = rig::simulate_transitions(c, 0.9, 0.3, 60, 1);
