@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "core/rng.hpp"
+#include "posterior/transition/transition_lanes.hpp"
 #include "posterior/transition/transition_posterior.hpp"
 #include "transition_rig.hpp"
 
@@ -92,6 +93,36 @@ TEST(EveryEngine, TellsNothingOfAParticleThatIsNotThere) {
       p->particle(n - 1, params, state, &weight);
       EXPECT_TRUE(params[1] != 7.0 && state[1] != 7.0 && weight != 7.0) << tiller::posterior_name(kind);
     }
+}
+
+TEST(TransitionLanes, MeanErrorsAreThoseOfParticlesThatCount) {
+  constexpr std::uint32_t kLanes = 32, kStates = 3;
+  tiller::Rng rng(1, 1, 0);
+  double sums[kStates * kLanes], weight[kLanes];
+  for (double& s : sums) s = 10.0 * rng.uniform();
+  for (double& w : weight) w = rng.uniform();
+  sums[5] = std::nan("");  // of one state: its particle counts in none
+  sums[2 * kLanes + 17] = HUGE_VAL;
+  weight[20] = 0.0;
+  tiller::EvidenceJob job;
+  job.nx = kStates;
+  job.lanes = job.stride = kLanes;
+  job.sums = sums;
+  for (std::uint32_t r = 0; r < kStates; ++r) job.half_precision[r] = 0.5 + r;
+  double mean[kStates], before[kStates];
+  ASSERT_TRUE(tiller::transition_table().mean_errors(job, weight, mean, before));
+  double total = 0.0, expected[kStates] = {};
+  for (std::uint32_t l = 0; l < kLanes; ++l) {
+    if (l == 5 || l == 17) continue;
+    total += weight[l];
+    for (std::uint32_t r = 0; r < kStates; ++r) expected[r] += weight[l] * sums[r * kLanes + l];
+  }
+  for (std::uint32_t r = 0; r < kStates; ++r) {
+    EXPECT_NEAR(mean[r], expected[r] / total, 1e-12 * expected[r]) << r;
+    EXPECT_NEAR(before[r], expected[r] / total, 1e-12 * expected[r]) << r << ": no discrepancy takes a share";
+  }
+  std::fill(weight, weight + kLanes, 0.0);
+  EXPECT_FALSE(tiller::transition_table().mean_errors(job, weight, mean, before));
 }
 
 TEST(TransitionRobustness, RefusedTransitionsChangeNothing) {
