@@ -95,6 +95,27 @@ TEST(EveryEngine, TellsNothingOfAParticleThatIsNotThere) {
     }
 }
 
+TEST(EngineOfStates, BeginsWithTheNoiseThatIsConfigured) {
+  for (const std::uint32_t kind : {tiller_posterior_transition, tiller_posterior_conjugate}) {
+    auto c = rig::transition_config();
+    c.posterior.kind = kind;
+    c.posterior.particles = 64;
+    c.posterior.noise_scale_shape = 5.0;
+    c.priors[0] = rig::normal(1.0, 0.3);
+    c.priors[1] = rig::normal(0.4, 0.2);
+    const auto log = rig::simulate_transitions(c, 0.9, 0.3, 40, 1, 5.0);
+    tiller::RolloutTable rollouts = table();
+    rollouts.linearise = rig::table().linearise;
+    Instance p(c, nullptr, rollouts);
+    const double fresh = p->noise_scale();
+    EXPECT_NEAR(fresh, 1.0, 0.15) << tiller::posterior_name(kind) << ": a mean or root mean of what the prior has";
+    run(*p, log);
+    EXPECT_GT(p->noise_scale(), 1.5) << tiller::posterior_name(kind);
+    p->reset();
+    EXPECT_EQ(p->noise_scale(), fresh) << tiller::posterior_name(kind);
+  }
+}
+
 TEST(TransitionLanes, MeanErrorsAreThoseOfParticlesThatCount) {
   constexpr std::uint32_t kLanes = 32, kStates = 3;
   tiller::Rng rng(1, 1, 0);
