@@ -202,9 +202,12 @@ TEST_P(EveryPlannersGoal, FollowsRowsThatAreHandedInLater) {
   std::printf("planner %u: at most %.1f mm off the circle\n", GetParam(), 1e3 * worst);
   EXPECT_LT(worst, 0.03) << "where standing still would be 160 mm off";
   // and a target ends the reference
-  const double back[2] = {0.5, -0.5};
+  const double back[2] = {0.55, -0.45};
   ASSERT_EQ(tiller_set_output_target(loop.controller(), back), tiller_status_ok);
+  loop.run(100);
   EXPECT_EQ(loop.state(), tiller_state_active);
+  EXPECT_NEAR(plant.tip_x(), back[0], 0.03) << "the circle ends 71 mm from there";
+  EXPECT_NEAR(plant.tip_z(), back[1], 0.03);
 }
 
 TEST(Goals, OutputBoundsHoldTheTip) {

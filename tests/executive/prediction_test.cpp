@@ -14,11 +14,11 @@
 
 namespace {
 
-constexpr std::uint32_t kHorizon = 12;
+constexpr std::uint32_t kHorizon = 12, kAlike = 8;  // as many rows as a pack is wide, so that none is padding
 constexpr double kPeriod_s = 0.02, kMass_kg = 1.5, kGain[2] = {-40.0, -9.0};
 constexpr double kPositionVariance = 1e-4, kProcess = 0.002, kStart = 0.01;
 
-float inputs[kHorizon];
+float inputs[2 * kHorizon];
 bool answers = false;
 const float* sequence(const void*) { return inputs; }
 bool feedback(const void*, std::uint32_t, double* gain, double* state, double*) {
@@ -34,7 +34,7 @@ tiller::Config axis() {
   c.safety.input_low[0] = -500.0;
   c.safety.input_high[0] = 500.0;
   c.planner.horizon = kHorizon;
-  c.planner.particles = 1;
+  c.planner.particles = kAlike;
   c.planner.predict_spread = 1;
   return c;
 }
@@ -81,6 +81,7 @@ std::vector<std::array<double, 2>> deviations(double input_variance) {
 
 struct Predicted {
   Predicted() : config(axis()) {
+    std::fill(mass, mass + kAlike, static_cast<float>(kMass_kg));
     EXPECT_EQ(tiller::make_step_setup(config, setup), tiller_status_ok);
     const tiller::RolloutTable& table = tiller::select_rollout(*config.model);
     tiller::Arena measure;
@@ -93,8 +94,8 @@ struct Predicted {
     spread.process[3] = kProcess;
     std::fill(spread.sensor_variance, spread.sensor_variance + TILLER_MAX_STATES, HUGE_VAL);
     spread.sensor_variance[0] = kPositionVariance;
-    belief.count = 1;
-    belief.params = &mass;
+    belief.count = kAlike;
+    belief.params = mass;
     belief.state = state;
     belief.spread = &spread;
     planner.sequence = sequence;
@@ -108,7 +109,7 @@ struct Predicted {
         EXPECT_NEAR(prediction.sd(k)[i], sd[k][i], 1e-9 * sd[k][i]) << "step " << k << ", state " << i;
   }
 
-  const float mass = static_cast<float>(kMass_kg), state[2] = {0.0f, 0.0f};
+  float mass[kAlike], state[2 * kAlike] = {};
   tiller::Config config;
   tiller::StepSetup setup;
   std::unique_ptr<bench::Storage> storage;
@@ -136,6 +137,58 @@ TEST(Prediction, PlansThatAreMadeAnewSpreadIt) {
   inputs[0] = 4.0f;  // of which the plan before said zero, and feedback, at its reference, added nothing
   p.predict();
   p.expect(4.0 * 4.0 / 20.0);  // a twentieth of its square: the first of some 20 plans
+}
+
+/// Means of an arm's states under torques that stay, which have done so before: step by step.
+std::vector<double> under_constant_torques(double delay_s) {
+  tiller::Config c;
+  (void)tiller_config_default(&c, tiller_find_model("two_link_arm"));
+  c.planner.horizon = kHorizon;
+  c.planner.particles = 1;
+  c.planner.predict_spread = 1;
+  std::vector<float> params(c.model->param_count, 0.5f);
+  for (std::uint32_t i = 0; i < 2 && delay_s > 0.0; ++i) {
+    c.effects[c.effect_count++] = {tiller_effect_input_delay, i};
+    params.push_back(static_cast<float>(delay_s));
+  }
+  c.param_count = static_cast<std::uint32_t>(params.size());
+  for (std::uint32_t i = 0; i < c.param_count; ++i)
+    c.priors[i] = {tiller_prior_fixed, 0, static_cast<double>(params[i]), 0.0, -HUGE_VAL, HUGE_VAL};
+  for (std::uint32_t i = 0; i < 2; ++i) c.safety.input_low[i] = -5.0, c.safety.input_high[i] = 5.0;
+  tiller::StepSetup setup;
+  EXPECT_EQ(tiller::make_step_setup(c, setup), tiller_status_ok);
+  EXPECT_EQ(setup.delay_steps > 1, delay_s > 0.0);
+  std::vector<float> history;
+  for (std::uint32_t k = 0; k < setup.delay_steps; ++k) history.insert(history.end(), {0.7f, -0.4f});
+  for (std::uint32_t k = 0; k < kHorizon; ++k) inputs[2 * k] = 0.7f, inputs[2 * k + 1] = -0.4f;
+  answers = false;
+  const tiller::RolloutTable& table = tiller::select_rollout(*c.model);
+  tiller::Arena measure;
+  tiller::Prediction().lay_out(measure, c, setup, table);
+  bench::Storage storage(measure.used());
+  tiller::Arena arena = storage.arena();
+  tiller::Prediction prediction;
+  prediction.lay_out(arena, c, setup, table);
+  tiller::StateSpread spread;
+  spread.states = 4;
+  tiller::PlannerTable planner{};
+  planner.sequence = sequence;
+  const float state[4] = {0.3f, -0.2f, 0.0f, 0.0f};
+  tiller::Belief belief;
+  belief.count = 1;
+  belief.params = params.data();
+  belief.state = state;
+  belief.history = history.data();
+  belief.spread = &spread;
+  prediction.predict(belief, planner, nullptr, 0);
+  return {prediction.mean(0), prediction.mean(kHorizon) + 4};
+}
+
+TEST(Prediction, OfInputsThatStayIsTheSameWhateverTheirDelay) {
+  const auto at_once = under_constant_torques(0.0), later = under_constant_torques(0.035);
+  ASSERT_EQ(at_once.size(), later.size());
+  // a period that a delay divides is integrated in two parts
+  for (std::size_t i = 0; i < later.size(); ++i) EXPECT_NEAR(later[i], at_once[i], 1e-7) << i;
 }
 
 }  // namespace
