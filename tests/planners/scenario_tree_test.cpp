@@ -54,6 +54,65 @@ TEST_P(ScenarioTree, keeps_to_the_box_as_the_dense_solution_does) {
   EXPECT_NEAR(bench.command[0], best[0], 1e-4);
 }
 
+/// Two masses on lines of their own as one model of two inputs.
+void two_masses(const double* x, const double* u, const double* f, const tiller_body_t*, const double* p, double* dx) {
+  for (int i = 0; i < 2; ++i) dx[i] = x[2 + i], dx[2 + i] = (u[i] + f[i]) / p[i];
+}
+const char* const kTwoNames[] = {"x1", "x2", "v1", "v2"};
+const tiller_joint_t kTwoJoints[] = {{"first", 0, 2, 0, 0}, {"second", 1, 3, 1, 0}};
+
+tiller_model_t two_mass_model() {
+  tiller_model_t m{};
+  m.size = sizeof m;
+  m.version = TILLER_MODEL_VERSION;
+  m.name = "two_masses";
+  m.state_count = 4;
+  m.input_count = m.param_count = m.joint_count = 2;
+  m.state_names = m.input_names = m.param_names = m.force_names = kTwoNames;
+  m.joints = kTwoJoints;
+  m.dynamics = two_masses;
+  return m;
+}
+
+/// What has nothing to do with one another is planned as each alone, whatever the weights that tie an input to the one
+/// before.
+TEST(ScenarioTree, masses_side_by_side_are_pushed_as_each_alone) {
+  constexpr std::uint32_t kMasses = 3, kShared = 4;
+  const tiller_model_t model = two_mass_model();
+  tiller::Config one = tree_config(kMasses, kShared);
+  one.cost.input_rate_weight[0] = 0.05;
+  tiller::Config both = one;
+  both.model = &model;
+  both.param_count = 2;
+  for (double* weight : {both.cost.state_weight, both.cost.terminal_weight})
+    weight[3] = weight[2] = weight[1], weight[1] = weight[0];
+  both.cost.input_weight[1] = both.cost.input_weight[0];
+  both.cost.input_rate_weight[1] = both.cost.input_rate_weight[0];
+  both.safety.input_low[1] = both.safety.input_low[0];
+  both.safety.input_high[1] = both.safety.input_high[0];
+  Bench beside(both), first(one), second(one);
+  spread_out(first);
+  spread_out(second);
+  for (std::uint32_t j = 0; j < kMasses; ++j) {
+    second.params[j] *= 2.0f;
+    second.state[j] *= -0.5f;
+    int i = 0;
+    for (Bench* alone : {&first, &second}) {
+      beside.params[i * kMasses + j] = alone->params[j];
+      beside.state[i * kMasses + j] = alone->state[j];
+      beside.state[(2 + i) * kMasses + j] = alone->state[kMasses + j];
+      ++i;
+    }
+  }
+  for (Bench* bench : {&beside, &first, &second}) ASSERT_EQ(bench->plan_again().status, tiller_status_ok);
+  EXPECT_NEAR(beside.command[0], first.command[0], 1e-6 * (1.0 + std::fabs(first.command[0])));
+  EXPECT_NEAR(beside.command[1], second.command[0], 1e-6 * (1.0 + std::fabs(second.command[0])));
+  for (std::uint32_t k = 0; k < kSteps; ++k) {
+    EXPECT_NEAR(beside.sequence()[2 * k], first.sequence()[k], 1e-4) << k;
+    EXPECT_NEAR(beside.sequence()[2 * k + 1], second.sequence()[k], 1e-4) << k;
+  }
+}
+
 /// Risk-averse trees: no worse in the worst case than one sequence, which is one of the trees.
 TEST(ScenarioTree, the_worst_branch_costs_no_more_than_under_one_sequence) {
   tiller::Config c = tree_config(5, 1);
