@@ -267,6 +267,23 @@ TEST(Conditions, WithoutAWeightNothingProbesAndNothingIsLaidOutForIt) {
   EXPECT_GT(bytes_of(probed_pendulum(), "probing"), 0);
 }
 
+TEST(Conditions, OfAProbeBeforeNothingIsToldOnceAllIsKnown) {
+  ProbingRig rig(probed_pendulum());
+  bench::Storage storage(1 << 16);
+  tiller::Arena arena = storage.arena();
+  const tiller::Posterior* const posterior =
+      tiller::Posterior::lay_out(arena, rig.config, rig.setup, tiller::select_rollout(*rig.config.model), nullptr);
+  tiller_info_t info{};  // deviations of zero
+  info.probing = tiller_probing_plan;
+  info.probe_value = info.probe_cost = info.probe_information = 1.0;
+  const float sequence[8] = {};
+  double command = 3.0;
+  EXPECT_EQ(rig.probing->choose(*posterior, {}, {}, {}, sequence, &command, info), sequence);
+  EXPECT_EQ(command, 3.0);
+  EXPECT_EQ(info.probing, static_cast<std::uint32_t>(tiller_probing_none));
+  for (const double of : {info.probe_value, info.probe_cost, info.probe_information}) EXPECT_EQ(of, 0.0);
+}
+
 TEST(Conditions, ABoxHoldsWhileACalibrationRuns) {
   ProbingRig rig(probed_pendulum());
   ASSERT_NE(rig.probing, nullptr);

@@ -18,6 +18,7 @@ constexpr std::uint32_t kHorizon = 12, kAlike = 8;  // as many rows as a pack is
 constexpr double kPeriod_s = 0.02, kMass_kg = 1.5, kGain[2] = {-40.0, -9.0};
 constexpr double kPositionVariance = 1e-4, kProcess = 0.002, kStart = 0.01;
 
+constexpr double kDemonstrated[4] = {}, kRoots[8] = {1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0};
 float inputs[2 * kHorizon];
 bool answers = false;
 const float* sequence(const void*) { return inputs; }
@@ -36,6 +37,11 @@ tiller::Config axis() {
   c.planner.horizon = kHorizon;
   c.planner.particles = kAlike;
   c.planner.predict_spread = 1;
+  c.cost.demonstration_mean = kDemonstrated;  // whose divergence asks for covariances
+  c.cost.demonstration_root = kRoots;
+  c.cost.demonstration_steps = 2;
+  c.cost.demonstration_weight = 1.0;
+  c.cost.demonstration_divergence = tiller_divergence_kl;
   return c;
 }
 
@@ -105,8 +111,10 @@ struct Predicted {
   void expect(double input_variance) const {
     const auto sd = deviations(input_variance);
     for (std::uint32_t k = 0; k <= kHorizon; ++k)
-      for (int i = 0; i < 2; ++i)
+      for (int i = 0; i < 2; ++i) {
         EXPECT_NEAR(prediction.sd(k)[i], sd[k][i], 1e-9 * sd[k][i]) << "step " << k << ", state " << i;
+        EXPECT_NEAR(std::sqrt(prediction.covariance(k)[3 * i]), sd[k][i], 1e-9 * sd[k][i]) << "step " << k;
+      }
   }
 
   float mass[kAlike], state[2 * kAlike] = {};
