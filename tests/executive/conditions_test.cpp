@@ -1,6 +1,7 @@
 // Conditions of the executive and its parts that decide alone, one at a time.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <functional>
@@ -265,6 +266,49 @@ TEST(Conditions, WithoutAWeightNothingProbesAndNothingIsLaidOutForIt) {
   EXPECT_EQ(rig.probing, nullptr);
   EXPECT_EQ(bytes_of(known_pendulum(), "probing"), 0);
   EXPECT_GT(bytes_of(probed_pendulum(), "probing"), 0);
+}
+
+/// Rollouts as ever, which note whose parameters they are of where all lanes have the same.
+const tiller::RolloutTable* rolled_by = nullptr;
+std::vector<float> rolled_of;
+void note_rollout(const tiller_model_t& model, const tiller::RolloutJob<float>& job) {
+  if (job.params.stride == 0) rolled_of.push_back(job.params.data[0]);
+  rolled_by->rollout_f32(model, job);
+}
+
+TEST(Conditions, AProberRollsOutItsHypothesesAndNoOther) {
+  tiller::Config c = probed_pendulum();
+  c.probe.hypotheses = 8;
+  rolled_by = &tiller::select_rollout(*c.model);
+  rolled_of.clear();
+  tiller::RolloutTable noting = *rolled_by;
+  noting.rollout_f32 = note_rollout;
+  tiller::StepSetup setup;
+  ASSERT_EQ(make_step_setup(c, setup), tiller_status_ok);
+  fakes::reset();
+  fakes::posterior.param_step = 0.05f;
+  bench::Storage storage(1 << 22);
+  tiller::Arena arena = storage.arena();
+  tiller::Probing* const probing = tiller::Probing::lay_out(arena, c, setup, noting);
+  const tiller::Posterior* const posterior = tiller::Posterior::lay_out(arena, c, setup, noting, nullptr);
+  ASSERT_TRUE(arena.fits());
+  tiller::CommandTimeline timeline;
+  timeline.lay_out(arena, 1, 1000000);
+  tiller_info_t info{};
+  std::fill(info.param_sd, info.param_sd + c.param_count, 0.1);
+  const double last[] = {0.0};
+  tiller::PlanRequest request;
+  request.last_command = last;
+  const float sequence[8] = {};
+  double command = 0.0;
+  for (request.tick = 0; request.tick < 3; ++request.tick)
+    (void)probing->choose(*posterior, timeline, {}, request, sequence, &command, info);
+  ASSERT_FALSE(rolled_of.empty());
+  for (const float of : rolled_of) {
+    const float hypothesis = (of - 0.5f) / 0.05f;
+    EXPECT_NEAR(hypothesis, std::round(hypothesis), 1e-4);
+    EXPECT_TRUE(hypothesis > -0.5f && hypothesis < 7.5f) << of;
+  }
 }
 
 TEST(Conditions, OfAProbeBeforeNothingIsToldOnceAllIsKnown) {

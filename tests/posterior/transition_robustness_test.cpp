@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "core/rng.hpp"
+#include "posterior/packed_matrix.hpp"
 #include "posterior/transition/transition_lanes.hpp"
 #include "posterior/transition/transition_posterior.hpp"
 #include "transition_rig.hpp"
@@ -114,6 +115,35 @@ TEST(EngineOfStates, BeginsWithTheNoiseThatIsConfigured) {
     p->reset();
     EXPECT_EQ(p->noise_scale(), fresh) << tiller::posterior_name(kind);
   }
+}
+
+TEST(PackedMatrix, TimesItsInverseIsTheUnitMatrix) {
+  constexpr std::uint32_t kSize = 4;
+  const double rows[kSize][kSize] = {
+      {4.0, 1.0, -0.5, 0.2}, {1.0, 3.0, 0.7, -0.3}, {-0.5, 0.7, 2.0, 0.4}, {0.2, -0.3, 0.4, 1.0}};
+  double packed[kSize * (kSize + 1) / 2], inverse[kSize * (kSize + 1) / 2], log_determinant, *to = packed;
+  for (std::uint32_t r = 0; r < kSize; ++r)
+    for (std::uint32_t c = r; c < kSize; ++c) *to++ = rows[r][c];
+  tiller::invert_packed(kSize, packed, inverse, log_determinant);
+  for (std::uint32_t r = 0; r < kSize; ++r) {
+    double product[kSize];
+    tiller::multiply_packed(kSize, inverse, rows[r], product);  // a row is a column
+    for (std::uint32_t c = 0; c < kSize; ++c) EXPECT_NEAR(product[c], r == c ? 1.0 : 0.0, 1e-14);
+    double expected = 0.0;
+    for (std::uint32_t c = 0; c < kSize; ++c) expected += product[c] * rows[r][c];
+    EXPECT_NEAR(tiller::quadratic_packed(kSize, inverse, rows[r]), expected, 1e-14);
+  }
+  // by Gaussian elimination
+  double a[kSize][kSize], determinant = 1.0;
+  std::copy(&rows[0][0], &rows[0][0] + kSize * kSize, &a[0][0]);
+  for (std::uint32_t p = 0; p < kSize; ++p) {
+    determinant *= a[p][p];
+    for (std::uint32_t r = p + 1; r < kSize; ++r) {
+      const double factor = a[r][p] / a[p][p];
+      for (std::uint32_t c = p; c < kSize; ++c) a[r][c] -= factor * a[p][c];
+    }
+  }
+  EXPECT_NEAR(log_determinant, std::log(determinant), 1e-14);
 }
 
 TEST(TransitionLanes, MeanErrorsAreThoseOfParticlesThatCount) {
