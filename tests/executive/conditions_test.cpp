@@ -247,6 +247,22 @@ TEST(Conditions, AProberLooksWhereTheTickHasTimeForIt) {
   (void)b.tick();
 }
 
+TEST(Conditions, ReadingsThatRepeatWhereTheCommandBalancesGravityAreNoDeadSensor) {
+  tiller::Config c = known_pendulum();
+  c.safety.frozen_ticks = 3;
+  for (const double angle : {0.3, 1.2}) {
+    Bench b(c);
+    fakes::planner.command[0] = 0.25 * 9.81 * std::sin(angle);  // half a kilogram on half a metre
+    (void)b.executive->arm();
+    for (int i = 0; i < 60; ++i) (void)b.tick(angle);
+    EXPECT_EQ(b.state(), tiller_state_active) << angle;
+    fakes::planner.command[0] += 1.0;
+    for (int i = 0; i < 60; ++i) (void)b.tick(angle);
+    EXPECT_EQ(b.state(), tiller_state_safe) << angle;
+    EXPECT_EQ(b.executive->info().first_fault, tiller_status_sensor_frozen);
+  }
+}
+
 /// A probing by itself.
 struct ProbingRig {
   explicit ProbingRig(const tiller::Config& c) : config(c), storage(1 << 20) {

@@ -482,5 +482,21 @@ TEST(MultipleShooting, checks_its_deadline_before_every_iteration) {
   }
 }
 
+TEST(MultipleShooting, DefectsAreAllThatALinkOrTheStartIsOff) {
+  tiller::PathPlan p;
+  p.horizon = 2, p.scenarios = 2, p.nz = 2;
+  double start[] = {1.0, 2.0, 3.0, 4.0}, state[3 * 4], next[2 * 4];
+  for (int i = 0; i < 12; ++i) state[i] = 0.5 * i;
+  std::copy(state + 4, state + 12, next);
+  std::copy(state, state + 4, start);
+  p.start = start, p.state = state, p.next = next;
+  EXPECT_EQ(tiller::path_defects(p), 0.0);
+  double sum = 0.0;
+  for (double* gap : {start, start + 1, start + 2, start + 3, next, next + 5, next + 7}) {
+    *gap -= 0.25;
+    EXPECT_EQ(tiller::path_defects(p), sum += 0.25);
+  }
+}
+
 }  // namespace
 }  // namespace tiller_test

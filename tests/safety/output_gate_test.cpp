@@ -187,6 +187,15 @@ TEST(OutputGate, RatesHoldOnTheConesToo) {
   EXPECT_NEAR(out[2], 4.0, 1e-12);
 }
 
+TEST(OutputGate, ConesHaveNothingToDoWithWhatStandsBehindTheLastInput) {
+  OutputGate gate(friction());
+  const double hold[] = {0.0, 0.0, 0.0}, inside[] = {1.0, -1.0, 4.0};
+  double out[] = {0.0, 0.0, 0.0, 1e9};
+  EXPECT_EQ(gate.pass(inside, hold, kPeriod_s, out), tiller_status_ok);
+  EXPECT_EQ(out[3], 1e9);
+  EXPECT_EQ(gate.cuts(), 0u);
+}
+
 TEST(OutputGate, HoldAndSafeCommandsPassTheConesToo) {
   GateLimits limits = friction();
   limits.safe_command[0] = 3.0;  // outside of the cone, whose radius is 1 here

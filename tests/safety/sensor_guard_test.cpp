@@ -90,6 +90,20 @@ TEST(SensorGuard, NothingNewIsFineUntilTheTimeout) {
   EXPECT_TRUE(stale.lost);
 }
 
+TEST(SensorGuard, OneThatIsMissingForTooLongIsStaleHoweverOftenTheOthersCome) {
+  for (const bool first : {true, false}) {
+    Bench b;
+    (void)b.at(0, 0.0, 0.0);
+    for (int k = 1; k <= 5; ++k) {
+      const SensorVerdict v = b.at(k * kPeriod_us, first ? kNan : 0.01 * k, first ? 0.01 * k : kNan);
+      EXPECT_EQ(v.status, tiller_status_ok) << k;
+    }
+    const SensorVerdict v = b.at(6 * kPeriod_us, first ? kNan : 0.06, first ? 0.06 : kNan);
+    EXPECT_EQ(v.status, tiller_status_sensor_stale);
+    EXPECT_TRUE(v.lost);
+  }
+}
+
 TEST(SensorGuard, SilenceThatNobodyTickedThroughIsToldWithTheReadingThatEndsIt) {
   Bench b;
   EXPECT_FALSE(b.at(0, 0.0, 0.0).expired) << "nothing had been heard yet";
