@@ -263,6 +263,25 @@ TEST(Conditions, ReadingsThatRepeatWhereTheCommandBalancesGravityAreNoDeadSensor
   }
 }
 
+TEST(Conditions, WithoutAHoldGainHoldAnswersNoDeviation) {
+  std::vector<double> sent[2];
+  for (const bool given : {true, false}) {
+    tiller::Config c = known_pendulum();
+    c.hold_gain[0] = c.hold_gain[1] = 0.0;
+    if (!given) c.tiller_config_t::safety.hold_gain = nullptr;
+    Bench b(c);
+    fakes::planner.command[0] = 1.5;
+    b.activate();
+    fakes::planner.result.status = tiller_status_plan_not_finite;
+    for (int i = 0; i < 12; ++i) {
+      (void)b.tick(0.1 + 0.01 * i);
+      EXPECT_NE(b.state(), tiller_state_standby);
+      sent[given ? 0 : 1].push_back(b.command.value[0]);
+    }
+  }
+  EXPECT_EQ(sent[0], sent[1]);
+}
+
 /// A probing by itself.
 struct ProbingRig {
   explicit ProbingRig(const tiller::Config& c) : config(c), storage(1 << 20) {
