@@ -78,6 +78,15 @@ TEST_F(PushedMotion, AForceThatHoldsIsNoDeadSensor) {
   EXPECT_FALSE(moves(0.0, 0.0, 0.5, 10)) << "friction holds as well";
 }
 
+/// Whatever the force may be off by, the first hypothesis is what is expected of it.
+TEST_F(PushedMotion, AForceThatIsExpectedToHoldHoldsHoweverUnsureItIs) {
+  fakes::posterior.force[0] = -0.5;
+  for (const double sd : {0.3, 1.0, 3.0}) {
+    fakes::posterior.force_sd = sd;
+    EXPECT_FALSE(moves(0.0, 0.0, 0.5, 10)) << sd;
+  }
+}
+
 class SlippingMotion : public Motion {
  protected:
   SlippingMotion() : Motion(bench::slipping_base()) {

@@ -196,6 +196,45 @@ TEST(OutputGate, ConesHaveNothingToDoWithWhatStandsBehindTheLastInput) {
   EXPECT_EQ(gate.cuts(), 0u);
 }
 
+TEST(OutputGate, ACommandOnTheConeIsNotCut) {
+  OutputGate gate(friction());
+  const double hold[] = {0.0, 0.0, 0.0};
+  double out[3];
+  for (int k = 0; k < 1000; ++k) {  // half of which rounding puts beyond it
+    const double wanted[] = {3.0 * std::cos(0.01 * k), 3.0 * std::sin(0.01 * k), 4.0};
+    EXPECT_EQ(gate.pass(wanted, hold, kPeriod_s, out), tiller_status_ok) << k;
+  }
+  EXPECT_EQ(gate.cuts(), 0u);
+}
+
+TEST(OutputGate, ASafeCommandMayStandAtALimit) {
+  for (const double side : {1.0, -1.0}) {
+    GateLimits limits = friction();
+    (side > 0.0 ? limits.low : limits.high)[0] = 0.0;
+    limits.safe_command[0] = 3.0 * side;
+    limits.safe_command[2] = -2.0;  // where the cone has no radius
+    OutputGate gate(limits);
+    double out[3];
+    gate.send_safe(out);
+    EXPECT_EQ(out[0], 0.0);
+    EXPECT_EQ(out[2], -2.0);
+  }
+}
+
+TEST(OutputGate, EveryInputHasItsOwnSafeCommand) {
+  GateLimits limits;
+  limits.count = TILLER_MAX_INPUTS;
+  limits.period_s = kPeriod_s;
+  for (int i = 0; i < TILLER_MAX_INPUTS; ++i) {
+    limits.low[i] = -20.0, limits.high[i] = 20.0, limits.rate_per_s[i] = kInf;
+    limits.safe_command[i] = 1.0 + i;
+  }
+  OutputGate gate(limits);
+  double out[TILLER_MAX_INPUTS] = {};
+  gate.send_safe(out);
+  for (int i = 0; i < TILLER_MAX_INPUTS; ++i) EXPECT_EQ(out[i], 1.0 + i);
+}
+
 TEST(OutputGate, HoldAndSafeCommandsPassTheConesToo) {
   GateLimits limits = friction();
   limits.safe_command[0] = 3.0;  // outside of the cone, whose radius is 1 here

@@ -90,6 +90,36 @@ TEST(SensorGuard, NothingNewIsFineUntilTheTimeout) {
   EXPECT_TRUE(stale.lost);
 }
 
+TEST(SensorGuard, AChangeAsFastAsIsAllowedIsNoJump) {
+  Bench b;
+  (void)b.at(0, 0.0, 0.0);
+  EXPECT_EQ(b.at(kPeriod_us, 5.0 * 0.02, 20.0 * 0.02).status, tiller_status_ok);
+  EXPECT_EQ(b.at(2 * kPeriod_us, 0.0 - 1e-9, 0.0).status, tiller_status_sensor_jump);
+}
+
+TEST(SensorGuard, WhatStandsBehindTheLastReadingIsNoSensor) {
+  Bench b;
+  tiller_measurement_t m = reading(0, 0.1, 0.2);
+  for (int i = 2; i < TILLER_MAX_STATES; ++i) m.value[i] = kNan;
+  EXPECT_EQ(b.at(0, m).status, tiller_status_ok);
+  EXPECT_EQ(b.guard.missing(), 0u);
+}
+
+TEST(SensorGuard, AClockThatWentBackIsToldOnce) {
+  Bench b;
+  EXPECT_FALSE(b.at(kPeriod_us, 0.0, 0.0).clock_set);
+  EXPECT_TRUE(b.nothing(0).clock_set);
+  EXPECT_FALSE(b.nothing(kPeriod_us).clock_set);
+}
+
+TEST(SensorGuard, RepeatsOfBeforeARestartDoNotCount) {
+  Bench b;
+  for (int k = 0; k <= 3; ++k) (void)b.at(k * kPeriod_us, 0.1, 0.2);
+  EXPECT_TRUE(b.guard.frozen(true));
+  b.guard.restart();
+  EXPECT_FALSE(b.guard.frozen(true));
+}
+
 TEST(SensorGuard, OneThatIsMissingForTooLongIsStaleHoweverOftenTheOthersCome) {
   for (const bool first : {true, false}) {
     Bench b;
