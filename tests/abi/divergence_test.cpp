@@ -66,6 +66,41 @@ TEST(GaussianDivergence, of_one_dimension_is_written_in_every_book_and_is_zero_b
     }
 }
 
+/// Inverse and determinant of a matrix of three, by cofactors.
+double invert_three(const double* m, double* inverse) {
+  const auto minor_of = [&](int r, int c) {
+    const int r1 = (r + 1) % 3, r2 = (r + 2) % 3, c1 = (c + 1) % 3, c2 = (c + 2) % 3;
+    return m[3 * r1 + c1] * m[3 * r2 + c2] - m[3 * r1 + c2] * m[3 * r2 + c1];
+  };
+  const double det = m[0] * minor_of(0, 0) + m[1] * minor_of(0, 1) + m[2] * minor_of(0, 2);
+  for (int r = 0; r < 3; ++r)
+    for (int c = 0; c < 3; ++c) inverse[3 * c + r] = minor_of(r, c) / det;
+  return det;
+}
+
+TEST(GaussianDivergence, of_three_dimensions_is_the_formula) {
+  const double root[9] = {1.5, 0.4, -0.3, 0.0, 0.8, 0.6, 0.0, 0.0, 2.0};
+  const double p[9] = {2.0, 0.6, -0.4, 0.6, 1.5, 0.5, -0.4, 0.5, 1.1}, d[3] = {0.4, -0.7, 0.2};
+  double precision[9], s[9], p_inverse[9], r[9], rest = 0.0, work[27];
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) {
+      precision[3 * i + j] = 0.0;
+      for (int k = 0; k < 3; ++k) precision[3 * i + j] += root[3 * k + i] * root[3 * k + j];
+    }
+  const double ratio = invert_three(precision, s) * invert_three(p, p_inverse);
+  double expected = -3.0 + std::log(ratio);
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) expected += p_inverse[3 * i + j] * (s[3 * j + i] + d[i] * d[j]);
+  ASSERT_TRUE(gaussian_divergence(3, root, p, r, &rest, work));
+  double square = 0.0;
+  for (int i = 0; i < 3; ++i) {
+    double z = 0.0;
+    for (int j = 0; j < 3; ++j) z += r[3 * i + j] * d[j];
+    square += z * z;
+  }
+  EXPECT_NEAR(0.5 * square + rest, 0.5 * expected, 1e-12);
+}
+
 TEST(GaussianDivergence, refuses_what_is_no_covariance) {
   const double root[4] = {1.0, 2.0, 0.0, 1.0}, flat[4] = {1.0, 2.0, 2.0, 4.0}, good[4] = {1.0, 0.0, 0.0, 1.0};
   const double singular[4] = {1.0, 2.0, 0.0, 0.0}, bad[4] = {NAN, 0.0, 0.0, 1.0};

@@ -106,6 +106,30 @@ TEST_F(Timeline, OfEqualsTheOldestPairIsMerged) {
   for (int k = 2; k < 64; ++k) EXPECT_EQ(during(k), k) << "as they were sent";
 }
 
+TEST(TimelineOfTwo, IsThatOfEachInputAlone) {
+  bench::Storage storage(1 << 14);
+  tiller::Arena arena = storage.arena();
+  CommandTimeline both, each[2];
+  both.lay_out(arena, 2, kWindow_us);
+  for (CommandTimeline& one : each) one.lay_out(arena, 1, kWindow_us);
+  tiller::Rng rng(4, 50, 0);
+  std::int64_t at_us = 0;
+  for (int i = 0; i < 200; ++i) {  // more than are kept apart
+    const double command[2] = {rng.normal(), rng.normal()};
+    at_us += 1 + rng.below(9000);
+    both.push(at_us, command);
+    for (int k = 0; k < 2; ++k) each[k].push(at_us, command + k);
+  }
+  for (double back_s = 0.01; back_s < 0.6; back_s += 0.007) {
+    double mean[2], alone;
+    both.mean(at_us, -back_s, 0.005 - 0.5 * back_s, mean);
+    for (int k = 0; k < 2; ++k) {
+      each[k].mean(at_us, -back_s, 0.005 - 0.5 * back_s, &alone);
+      EXPECT_EQ(mean[k], alone) << back_s;
+    }
+  }
+}
+
 TEST_F(Timeline, AgreesWithASampledMean) {
   // commands at random times against a mean over a fine grid
   tiller::Rng rng(3, 50, 0);
