@@ -99,30 +99,34 @@ TEST(SteadyTarget, ADroneTiltsIntoTheWindAndStaysWhereItIsWanted) {
   EXPECT_NEAR(arm * (left - right), 0.02, 1e-6);
 }
 
-TEST(SteadyTarget, SoDoesOneInSpace) {
-  tiller::Config c = steady("quadrotor");
-  for (std::uint32_t i = 0; i < c.model->state_count; ++i) c.cost.state_weight[i] = 1.0;
-  c.cost.target[3] = 1.0;
-  c.cost.target[2] = 1.5;
-  const std::vector<double> params = {0.6, 0.17, 0.003, 0.004, 0.006, 0.02, 0.0};
-  std::vector<double> here(13, 0.0);
-  here[3] = 1.0;
-  Rig rig(c, params, here);
-  fakes::posterior.force[0] = 0.9;
-  fakes::posterior.force[1] = -0.6;
-  rig.update();
-  ASSERT_TRUE(rig.target.stands());
-  const double* x = rig.target.state();
-  EXPECT_NEAR(x[0], 0.0, 1e-5);
-  EXPECT_NEAR(x[1], 0.0, 1e-5);
-  EXPECT_NEAR(x[2], 1.5, 1e-5);
-  // the body's z axis, against the wind
-  const double weight = 0.6 * kGravity_m_s2, whole = std::sqrt(0.9 * 0.9 + 0.6 * 0.6 + weight * weight);
-  EXPECT_NEAR(2.0 * (x[4] * x[6] + x[3] * x[5]), -0.9 / whole, 1e-5);
-  EXPECT_NEAR(2.0 * (x[5] * x[6] - x[3] * x[4]), 0.6 / whole, 1e-5);
-  double thrust = 0.0;
-  for (int i = 0; i < 4; ++i) thrust += rig.target.input()[i];
-  EXPECT_NEAR(thrust, whole, 1e-4);
+TEST(SteadyTarget, SoDoesOneInSpaceWhereverItLooks) {
+  for (const double yaw : {0.0, 2.1}) {
+    tiller::Config c = steady("quadrotor");
+    for (std::uint32_t i = 0; i < c.model->state_count; ++i) c.cost.state_weight[i] = 1.0;
+    c.cost.target[3] = std::cos(0.5 * yaw);
+    c.cost.target[6] = std::sin(0.5 * yaw);
+    c.cost.target[2] = 1.5;
+    const std::vector<double> params = {0.6, 0.17, 0.003, 0.004, 0.006, 0.02, 0.0};
+    std::vector<double> here(13, 0.0);
+    here[3] = c.cost.target[3];
+    here[6] = c.cost.target[6];
+    Rig rig(c, params, here);
+    fakes::posterior.force[0] = 0.9;
+    fakes::posterior.force[1] = -0.6;
+    rig.update();
+    ASSERT_TRUE(rig.target.stands());
+    const double* x = rig.target.state();
+    EXPECT_NEAR(x[0], 0.0, 1e-5);
+    EXPECT_NEAR(x[1], 0.0, 1e-5);
+    EXPECT_NEAR(x[2], 1.5, 1e-5);
+    // the body's z axis, against the wind
+    const double weight = 0.6 * kGravity_m_s2, whole = std::sqrt(0.9 * 0.9 + 0.6 * 0.6 + weight * weight);
+    EXPECT_NEAR(2.0 * (x[4] * x[6] + x[3] * x[5]), -0.9 / whole, 1e-5);
+    EXPECT_NEAR(2.0 * (x[5] * x[6] - x[3] * x[4]), 0.6 / whole, 1e-5);
+    double thrust = 0.0;
+    for (int i = 0; i < 4; ++i) thrust += rig.target.input()[i];
+    EXPECT_NEAR(thrust, whole, 1e-4);
+  }
 }
 
 TEST(SteadyTarget, ABaseStandsOnASlopeByItsWheels) {
