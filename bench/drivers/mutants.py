@@ -43,7 +43,7 @@ PAGE = ROOT / "docs/evidence/mutants.md"
 GOAL_PERCENT = 95.0
 # folders of tests whose programs judge a folder of the runtime
 JUDGES = {"safety": ["safety"], "executive": ["executive", "abi"], "posterior": ["posterior"],
-          "planners": ["planners", "executive"]}
+          "planners": ["planners", "executive", "abi"]}
 
 Mutant = collections.namedtuple("Mutant", "name path text")
 Judge = collections.namedtuple("Judge", "target folder link cpu_s wall_s")

@@ -367,6 +367,28 @@ TEST(SqpTree, feedback_answers_the_deviation) {
   EXPECT_FALSE(table.feedback(bench.planner(), kSteps, nullptr, nullptr, nullptr));
 }
 
+/// Where no bound is active the gain of the first input is what a new plan would answer.
+TEST(SqpTree, feedback_of_the_trunk_is_the_answer_of_a_plan_made_anew) {
+  tiller::Config c = sqp_tree_config(3, 2);
+  bound_speed(c);
+  c.cost.state_high = nullptr;
+  c.cost.state_low = nullptr;
+  c.cost.bound_weight = nullptr;
+  c.safety.input_low[0] = -1e5;
+  c.safety.input_high[0] = 1e5;
+  for (int i = 0; i < 2; ++i) {
+    Bench here(c), there(c);
+    spread_out(here);
+    spread_out(there);
+    for (std::uint32_t j = 0; j < 3; ++j) there.state[i * 3 + j] += 0.125f;
+    here.plan_again();
+    there.plan_again();
+    double gain[2], state[2], input;
+    ASSERT_TRUE(tiller::find_planner(tiller_planner_sqp)->feedback(here.planner(), 0, gain, state, &input));
+    EXPECT_NEAR((there.command[0] - here.command[0]) / 0.125, gain[i], 1e-3 * std::fabs(gain[i])) << i;
+  }
+}
+
 /// Bounds stand back by what the state of a branch will spread by, and no further.
 TEST(SqpTree, keeps_margins_in_every_branch) {
   tiller::Config c = sqp_tree_config(3, 2);

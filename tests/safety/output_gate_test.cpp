@@ -188,8 +188,10 @@ TEST(OutputGate, RatesHoldOnTheConesToo) {
 }
 
 TEST(OutputGate, ConesHaveNothingToDoWithWhatStandsBehindTheLastInput) {
-  OutputGate gate(friction());
-  const double hold[] = {0.0, 0.0, 0.0}, inside[] = {1.0, -1.0, 4.0};
+  GateLimits limits = friction();
+  limits.low[3] = limits.high[3] = 0.0;
+  OutputGate gate(limits);
+  const double hold[] = {0.0, 0.0, 0.0, 0.0}, inside[] = {1.0, -1.0, 4.0, 5.0};
   double out[] = {0.0, 0.0, 0.0, 1e9};
   EXPECT_EQ(gate.pass(inside, hold, kPeriod_s, out), tiller_status_ok);
   EXPECT_EQ(out[3], 1e9);
