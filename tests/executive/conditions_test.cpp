@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <cstring>
 #include <functional>
 #include <limits>
@@ -263,6 +264,38 @@ TEST(Conditions, ReadingsThatRepeatWhereTheCommandBalancesGravityAreNoDeadSensor
   }
 }
 
+TEST(Conditions, ADeadSensorIsFoundUnderADelayToo) {
+  tiller::Config c = known_pendulum();
+  c.safety.frozen_ticks = 3;
+  c.effect_count = 1;
+  c.effects[0] = {tiller_effect_input_delay, 0};
+  c.priors[c.param_count++] = {tiller_prior_fixed, 0, 0.05, 0.0, 0.05, 0.05};
+  Bench b(c);
+  fakes::posterior.param[3] = 0.05;
+  fakes::planner.command[0] = 5.0;
+  (void)b.executive->arm();
+  for (int i = 0; i < 60; ++i) (void)b.tick(0.1);
+  EXPECT_EQ(b.state(), tiller_state_safe);
+  EXPECT_EQ(b.executive->info().first_fault, tiller_status_sensor_frozen);
+}
+
+TEST(Conditions, ADeadSensorIsFoundAsSoonWhateverWentBefore) {
+  tiller::Config c = known_pendulum();
+  c.safety.frozen_ticks = 3;
+  int found_after[4] = {};
+  for (int more = 0; more < 4; ++more) {
+    Bench b(c);
+    fakes::planner.command[0] = 5.0;
+    (void)b.executive->arm();
+    double angle = 0.1;
+    for (int i = 0; i < 10 + more; ++i) (void)b.tick(angle += 0.01);
+    EXPECT_EQ(b.state(), tiller_state_active);
+    for (; b.state() == tiller_state_active && found_after[more] < 50; ++found_after[more]) (void)b.tick(angle);
+    EXPECT_EQ(found_after[more], found_after[0]);
+  }
+  EXPECT_LT(found_after[0], 10);
+}
+
 TEST(Conditions, WithoutAHoldGainHoldAnswersNoDeviation) {
   std::vector<double> sent[2];
   for (const bool given : {true, false}) {
@@ -311,7 +344,8 @@ void note_rollout(const tiller_model_t& model, const tiller::RolloutJob<float>& 
   rolled_by->rollout_f32(model, job);
 }
 
-TEST(Conditions, AProberRollsOutItsHypothesesAndNoOther) {
+/// Three plans of a prober over eight hypotheses, each parameter `apart` from the one before.
+tiller_info_t probe(float apart, bool calibrate) {
   tiller::Config c = probed_pendulum();
   c.probe.hypotheses = 8;
   rolled_by = &tiller::select_rollout(*c.model);
@@ -319,16 +353,17 @@ TEST(Conditions, AProberRollsOutItsHypothesesAndNoOther) {
   tiller::RolloutTable noting = *rolled_by;
   noting.rollout_f32 = note_rollout;
   tiller::StepSetup setup;
-  ASSERT_EQ(make_step_setup(c, setup), tiller_status_ok);
+  EXPECT_EQ(make_step_setup(c, setup), tiller_status_ok);
   fakes::reset();
-  fakes::posterior.param_step = 0.05f;
+  fakes::posterior.param_step = apart;
   bench::Storage storage(1 << 22);
   tiller::Arena arena = storage.arena();
   tiller::Probing* const probing = tiller::Probing::lay_out(arena, c, setup, noting);
   const tiller::Posterior* const posterior = tiller::Posterior::lay_out(arena, c, setup, noting, nullptr);
-  ASSERT_TRUE(arena.fits());
   tiller::CommandTimeline timeline;
   timeline.lay_out(arena, 1, 1000000);
+  EXPECT_TRUE(arena.fits());
+  if (calibrate) probing->calibrate(wide_box(), 10);
   tiller_info_t info{};
   std::fill(info.param_sd, info.param_sd + c.param_count, 0.1);
   const double last[] = {0.0};
@@ -338,12 +373,26 @@ TEST(Conditions, AProberRollsOutItsHypothesesAndNoOther) {
   double command = 0.0;
   for (request.tick = 0; request.tick < 3; ++request.tick)
     (void)probing->choose(*posterior, timeline, {}, request, sequence, &command, info);
+  return info;
+}
+
+TEST(Conditions, AProberRollsOutItsHypothesesAndNoOther) {
+  (void)probe(0.05f, false);
   ASSERT_FALSE(rolled_of.empty());
   for (const float of : rolled_of) {
     const float hypothesis = (of - 0.5f) / 0.05f;
     EXPECT_NEAR(hypothesis, std::round(hypothesis), 1e-4);
     EXPECT_TRUE(hypothesis > -0.5f && hypothesis < 7.5f) << of;
   }
+}
+
+TEST(Conditions, WhatACalibrationTellsIsHowFarHypothesesPart) {
+  const double same = probe(0.0f, true).probe_information, near = probe(0.005f, true).probe_information,
+               far = probe(0.05f, true).probe_information;
+  std::printf("%g, %g and %g nats\n", same, near, far);
+  EXPECT_NEAR(same, 0.0, 1e-6);
+  EXPECT_GT(near, 0.1);
+  EXPECT_GT(far, near);
 }
 
 TEST(Conditions, OfAProbeBeforeNothingIsToldOnceAllIsKnown) {

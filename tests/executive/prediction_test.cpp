@@ -14,7 +14,7 @@
 
 namespace {
 
-constexpr std::uint32_t kHorizon = 12, kAlike = 8;  // as many rows as a pack is wide, so that none is padding
+constexpr std::uint32_t kHorizon = 12, kAlike = 8;  // doubles that fill a line of the cache: another array follows
 constexpr double kPeriod_s = 0.02, kMass_kg = 1.5, kGain[2] = {-40.0, -9.0};
 constexpr double kPositionVariance = 1e-4, kProcess = 0.002, kStart = 0.01;
 
