@@ -64,7 +64,8 @@ SIGN = re.compile(r"(?<=[(,=\s\[])-(?=[\w(.])|(?<![\w)\]])!(?=[\w(])")
 NUMBER = re.compile(r"(?<![\w.<'])(\d+\.\d*(?:e[-+]?\d+)?|\d+e[-+]?\d+|\d+)(?=[fuUlL]*\b|[fuUlL]*(?=\W))")
 CONDITION = re.compile(r"\b(?:if|while) \(")
 STATEMENT = re.compile(r"(?<=[;{}):\n])\s*\n +([^;{}\n]*;)(?=\n)")
-DECLARATION = re.compile(r"(?:return|case|default|using|const|constexpr|static|auto|goto|typedef)\b|[\w:<>]+[*&]* [*&]*\w+ *[=;({,]")
+DECLARATION = re.compile(r"(?:return|case|default|using|const|constexpr|static|auto|goto|typedef)\b"
+                         r"|[\w:<>]+[*&]* [*&]*\w+ *[=;({,]")
 RETURN = re.compile(r"\breturn;")
 ROW = re.compile(r"^ *(?:  )?\{([\w, ]+)\},?$", re.MULTILINE)
 
@@ -164,14 +165,14 @@ class Bench:
         self.units = self.units_of()
         self.originals, self.lock = {}, threading.Lock()
         self.long = set(self.long_tests(longest_s))
-        self.judges = sorted((j for j in self.judges_of(folder) if j.cpu_s <= longest_s), key=lambda j: j.cpu_s)
+        self.judges = sorted((j for j in self.judges_of(folder) if j.cpu_s <= longest_s), key=lambda judge: judge.cpu_s)
 
     def archive_commands(self):
         done = run(["ninja", "-C", self.build, "-t", "commands", self.library])
         return [shlex.split(part) for part in done.stdout.splitlines()[-1].split("&&")]
 
     def units_of(self):
-        """source -> [(command, object, text of the unit)]; a file that is compiled for several instruction sets has several."""
+        """source -> [(command, object, unit, whether it includes the source)]: a unit for each instruction set."""
         units = collections.defaultdict(list)
         members = set(self.archive)
         for entry in json.loads((self.build / "compile_commands.json").read_text()):
@@ -264,10 +265,10 @@ class Bench:
                 program = folder / judge.folder
                 words = instead(judge.link, {self.library: library, judge.target: program})
                 done = run(words, cwd=self.build)
-                if done.returncode == 0 and filecmp.cmp(program, self.build / judge.target, shallow=False):
-                    continue  # it does not hold the source
                 if done.returncode != 0:
                     raise RuntimeError(f"{judge.target} does not link with {mutant.name}:\n{done.stderr}")
+                if filecmp.cmp(program, self.build / judge.target, shallow=False):
+                    continue  # it does not hold the source
                 why = self.failure(program, folder, 10 * judge.cpu_s + 5, 20 * judge.wall_s + 120)
                 program.unlink()
                 if why:
@@ -330,7 +331,7 @@ def digest(mutant):
 def equivalents():
     """Mutants that the page names, each with its reason: "- `name`: reason"."""
     text = PAGE.read_text(encoding="utf-8") if PAGE.exists() else ""
-    return set(re.findall(r"^- `(.+?)`: ", text, re.MULTILINE))
+    return set(re.findall(r"^- `(.+?)`:", text, re.MULTILINE))
 
 
 def judged(args, folder, mutants):
@@ -358,6 +359,9 @@ def row(what, figure, unit, verdict=""):
 def told(folder, verdicts):
     """The rows of a folder; whether its goal is met."""
     named = equivalents()
+    for name in sorted(named - {mutant.name for mutant in drawn(folder, 0, 0)}):
+        if name.startswith(folder):
+            print(f"  {PAGE.relative_to(ROOT)} names what is no mutant any more: {name}")
     survivors = [m.name for m, v in verdicts.items() if v == "survived"]
     missed = [name for name in survivors if name not in named]
     count = collections.Counter(verdicts.values())
