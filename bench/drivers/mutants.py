@@ -13,7 +13,7 @@
 A mutant is one source file of runtime/NAME changed in one place: a comparison shifted by its bound or turned, an
 arithmetic or logical operator replaced, a constant replaced, a condition negated, a statement deleted, an entry of a
 table replaced by its neighbour. It is compiled as the build compiles it and linked with the objects of the tests that
-judge it. Short test programs run first. A test that fails, crashes or takes ten times its processor time kills it.
+judge it. Short test programs run first. A test that fails, crashes or takes four times its processor time kills it.
 
 Not judged are mutants that do not compile and those whose object files have the same bytes as the source's. What
 docs/evidence/mutants.md names as equivalent counts as neither killed nor survived. Nothing is written outside a
@@ -269,7 +269,7 @@ class Bench:
                     raise RuntimeError(f"{judge.target} does not link with {mutant.name}:\n{done.stderr}")
                 if filecmp.cmp(program, self.build / judge.target, shallow=False):
                     continue  # it does not hold the source
-                why = self.failure(program, folder, 10 * judge.cpu_s + 5, 20 * judge.wall_s + 120)
+                why = self.failure(program, folder, 4 * judge.cpu_s + 5, 20 * judge.wall_s + 120)
                 program.unlink()
                 if why:
                     return "killed", f"{judge.folder}: {why}"

@@ -8,7 +8,7 @@
 Sections:
     faults     every kind of fault from 20 seeds on two plants; --page writes the table of docs/evidence/faults.md
     gate       1e8 random and adversarial commands into the output gate
-    mutants    one-line mistakes in gate, state machine and sensor guard: do the tests notice?
+    mutants    mistakes in gate, state machine and sensor guard: do the tests notice? (of others: ./dev bench mutants)
     loss       the pendulum over an emulated bus that loses and delays frames
     soak       24 hours at 100 Hz in lockstep, twice
     events     the same while something happens every few seconds
