@@ -198,6 +198,19 @@ TEST(OutputGate, ConesHaveNothingToDoWithWhatStandsBehindTheLastInput) {
   EXPECT_EQ(gate.cuts(), 0u);
 }
 
+TEST(OutputGate, InNoTimeNothingMoves) {
+  GateLimits limits = friction();
+  limits.cones = {};
+  for (double& rate : limits.rate_per_s) rate = 50.0;
+  OutputGate gate(limits);
+  const double hold[] = {0.0, 0.0, 0.0}, wanted[] = {4.0, -4.0, 4.0};
+  double out[3];
+  for (const double elapsed_s : {0.0, -1.0}) {
+    EXPECT_EQ(gate.pass(wanted, hold, elapsed_s, out), tiller_status_rate_limited);
+    for (const double u : out) EXPECT_EQ(u, 0.0);
+  }
+}
+
 TEST(OutputGate, ACommandOnTheConeIsNotCut) {
   OutputGate gate(friction());
   const double hold[] = {0.0, 0.0, 0.0};
@@ -235,6 +248,24 @@ TEST(OutputGate, EveryInputHasItsOwnSafeCommand) {
   double out[TILLER_MAX_INPUTS] = {};
   gate.send_safe(out);
   for (int i = 0; i < TILLER_MAX_INPUTS; ++i) EXPECT_EQ(out[i], 1.0 + i);
+  const double wanted[TILLER_MAX_INPUTS] = {2.5, 1.5};
+  double around[TILLER_MAX_INPUTS + 1] = {};
+  around[TILLER_MAX_INPUTS] = 7.0;
+  for (int k = 0; k < 3; ++k) EXPECT_EQ(gate.pass(wanted, wanted, kPeriod_s, around), tiller_status_ok);
+  for (int i = 0; i < TILLER_MAX_INPUTS; ++i) EXPECT_EQ(around[i], wanted[i]);
+  EXPECT_EQ(around[TILLER_MAX_INPUTS], 7.0);
+  EXPECT_EQ(gate.cuts(), 0u);
+  EXPECT_EQ(gate.rejections(), 0u);
+}
+
+TEST(OutputGate, ACutOfOneInputByTheConeIsTold) {
+  for (int i = 0; i < 2; ++i) {
+    OutputGate gate(friction());
+    double wanted[] = {0.0, 0.0, 4.0}, out[3] = {};
+    wanted[i] = 8.0;
+    EXPECT_EQ(gate.pass(wanted, out, kPeriod_s, out), tiller_status_command_limited) << i;
+    EXPECT_NEAR(out[i], 3.0, 1e-14);
+  }
 }
 
 TEST(OutputGate, HoldAndSafeCommandsPassTheConesToo) {
