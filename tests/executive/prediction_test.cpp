@@ -73,7 +73,8 @@ std::vector<std::array<double, 2>> deviations(double input_variance) {
         m[2 + r][2 + c] = a[r][c] + steered - g[r] * a[0][c];
       }
     }
-    const double white[4] = {0.0, 1.0, 0.0, 0.0}, read[4] = {0.0, 0.0, g[0], g[1]}, pushed[4] = {b[0], b[1], b[0], b[1]};
+    const double white[4] = {0.0, 1.0, 0.0, 0.0}, read[4] = {0.0, 0.0, g[0], g[1]},
+                 pushed[4] = {b[0], b[1], b[0], b[1]};
     for (int r = 0; r < 4; ++r)
       for (int c = 0; c < 4; ++c) {
         next[r][c] = kProcess * white[r] * white[c] + kPositionVariance * read[r] * read[c] +
