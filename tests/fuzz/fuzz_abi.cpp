@@ -1,31 +1,44 @@
 // The life of controllers as a program of calls: two at once, created, ticked, steered, stopped, reset and laid out
 // anew in any order, with configurations, measurements, goals and boxes of any numbers. An input is two configurations,
 // then steps of a call and its arguments. What is promised (tiller.h) is checked after every call.
+//
+// Controllers are as small as the ranges of config.def allow, settings are chosen by name out of these ranges, and a
+// program ends after kLongestLife calls: a life takes a tenth of a millisecond, so that 1e7 of them are hours.
 #include <cmath>
 #include <cstring>
-#include <limits>
 #include <memory>
 #include <vector>
 
-#include "fuzz.hpp"
-#include "tiller/config.hpp"
+#include "abi/config_fields.hpp"
+#include "fuzz_controller.hpp"
 
 namespace {
 
 constexpr std::size_t kCanary = 128;
 constexpr unsigned char kCanaryByte = 0xa5;
+constexpr int kLongestLife = 64;
 
-/// Mostly ordinary numbers, sometimes those that break arithmetic, sometimes any bits.
-double number(fuzz::Bytes& input) {
-  static constexpr double kOdd[] = {0.0, -0.0, 1e-320, 1e-30, 1e30,     -1e30,     1.7e308, -1.7e308,
-                                    1e9, -1e9, 1e12,   1e-12, INFINITY, -INFINITY, NAN,     3.141592653589793};
-  const std::uint8_t kind = input.byte();
-  if (kind < 224) return (kind - 112) / 32.0;
-  if (kind < 250) return kOdd[input.byte() % 16];
-  const std::uint64_t bits = input.long_word();
-  double value;
-  std::memcpy(&value, &bits, sizeof value);
-  return value;
+/// A setting of config.def, whichever there are, at a value of its range: close to its lowest where it is a count, which
+/// is work; anywhere else, by powers of ten where the range spans many. Beyond it where `byte` is above 240.
+double value_of(fuzz::Bytes& input, const tiller::ConfigField& field) {
+  const std::uint8_t choice = input.byte();
+  const tiller::FieldRange& range = field.range;
+  if (field.kind == tiller::FieldKind::count)
+    return choice > 240 ? input.word() : range.low + field.multiple * (choice % 8);
+  if (field.kind == tiller::FieldKind::flag || field.kind == tiller::FieldKind::choice)
+    return choice > 240 ? input.word() : choice % (static_cast<std::uint32_t>(range.high) + 1);
+  if (choice > 240) return fuzz::number(input);
+  const double share = choice / 240.0;
+  if (range.high - range.low <= 1e3) return range.low + share * (range.high - range.low);
+  const double size = std::pow(10.0, -6.0 + 12.0 * (choice % 64) / 63.0);
+  return choice < 16 ? 0.0 : range.low < 0.0 && choice % 2 == 1 ? -size : size;
+}
+
+void set(fuzz::Bytes& input, tiller::Config& c) {
+  const tiller::ConfigFields fields = tiller::config_fields();
+  const auto& field = fields.begin()[input.byte() % static_cast<std::size_t>(fields.end() - fields.begin())];
+  const std::uint32_t element = field.kind == tiller::FieldKind::states ? input.byte() % 2u : 0;
+  tiller::set_config_value(c, field, element, value_of(input, field));
 }
 
 /// Some of the configuration's own numbers overwritten, with those that a struct of settings may have; no pointers.
@@ -50,7 +63,7 @@ void spoil(fuzz::Bytes& input, tiller::Config& c) {
   const std::size_t at = input.byte() % words;
   auto* bytes = static_cast<unsigned char*>(part.at);
   if ((input.byte() & 1) != 0 && at + 2 <= words) {
-    const double value = number(input);
+    const double value = fuzz::number(input);
     std::memcpy(bytes + at / 2 * 8, &value, sizeof value);
   } else {
     const std::uint32_t value = input.byte() < 200 ? input.byte() : input.word();
@@ -58,64 +71,49 @@ void spoil(fuzz::Bytes& input, tiller::Config& c) {
   }
 }
 
-/// A small controller of the pendulum.
+/// A small controller of the pendulum, and what the input makes of it.
 tiller::Config config_of(fuzz::Bytes& input) {
-  tiller::Config c;
-  (void)tiller_config_default(&c, tiller_find_model("pendulum"));
-  c.priors[0] = {tiller_prior_uniform, 0, 0.0, 0.0, 0.8, 1.6};
-  c.priors[1] = {tiller_prior_fixed, 0, 0.5, 0.0, 0.5, 0.5};
-  c.priors[2] = {tiller_prior_uniform, 0, 0.0, 0.0, 0.0, 0.2};
-  c.record_ticks = 8;
-  c.posterior.particles = 32;
-  c.posterior.window = 16;
-  c.posterior.moves_per_tick = 8;
-  c.planner.horizon = 8;
-  c.planner.knots = 4;
-  c.planner.rollouts = 32;
-  c.planner.particles = 2;
-  c.planner.nodes = 64;
-  c.planner.noise_sd[0] = 2.0;
-  c.cost.target[0] = 3.0;
-  c.cost.state_weight[0] = c.cost.terminal_weight[0] = 10.0;
-  c.cost.input_weight[0] = 0.01;
-  c.safety.input_low[0] = -3.0;
-  c.safety.input_high[0] = 3.0;
-  c.safety.input_rate_per_s[0] = 100.0;
-  c.hold_gain[1] = 0.3;
+  tiller::Config c = fuzz::small_pendulum();
   const std::uint8_t choice = input.byte();
   c.planner.kind = choice % tiller_planner_kind_count;
   c.posterior.kind = choice / 16 % 2 == 0 ? tiller_posterior_filter : tiller_posterior_transition;
   if (c.posterior.kind == tiller_posterior_transition) {  // which wants every state
     c.measurement_count = 2;
     c.measured_state[1] = 1;
-    c.measurement_sd[1] = 0.01;
+    c.measurement_sd[1] = 1.0;
   }
   c.posterior.disturbance = choice / 32 % 2;
   c.probe.weight = choice / 64 % 2;
+  // The ratio's cut normal distribution is most of what a controller's first draw costs: half of them do without.
+  if (choice / 64 % 2 == 0) c.posterior.noise_ratio_sd = 0.0;
   c.planner.predict_spread = choice / 128;
-  for (std::uint8_t i = input.byte() % 8; i > 3; --i) spoil(input, c);
+  const std::uint8_t changes = input.byte();
+  for (int i = changes % 8; i > 0; --i) set(input, c);
+  for (int i = changes / 8 % 8; i > 5; --i) spoil(input, c);
   return c;
 }
 
-/// What takes seconds a tick by its own settings is not looked at: fuzzers want thousands of lives.
+/// What takes long by its own settings is measured and not laid out: fuzzers want thousands of lives a second.
 bool is_small(const tiller_config_t& c) {
   const double work = 1.0 * c.planner.horizon * c.planner.rollouts * c.planner.particles * c.planner.iterations;
-  return work < 2e5 && c.posterior.particles <= 256 && c.posterior.window <= 64 && c.planner.nodes <= 1024 &&
-         c.substeps <= 8 && c.planner.horizon <= 64 && c.posterior.moves_per_tick <= 64 &&
-         c.planner.qp_iterations <= 200 && c.planner.particles <= 16;
+  return work <= 4096 && c.posterior.particles <= 64 && c.posterior.window <= 32 && c.planner.nodes <= 64 &&
+         c.substeps <= 4 && c.planner.horizon <= 16 && c.posterior.moves_per_tick <= 16 && c.record_ticks <= 16 &&
+         c.planner.qp_iterations <= 20 && c.planner.particles <= 8 && c.planner.refine_iterations <= 3 &&
+         c.probe.rollouts <= 64 && c.planner.levels <= 8;
 }
 
 class Life {
  public:
-  explicit Life(fuzz::Bytes& input) : config_(config_of(input)) { init(0); }
+  explicit Life(fuzz::Bytes& input) : config_(config_of(input)) {}
 
   void step(fuzz::Bytes& input) {
+    if (!begun_) init(0);
     const std::uint8_t call = input.byte();
     switch (call % 16) {
       case 0: init(input.byte()); break;
-      case 1: call_with_status(tiller_arm(t_)); break;
-      case 2: call_with_status(tiller_disarm(t_)); break;
-      case 3: call_with_status(tiller_stop(t_, static_cast<tiller_status_t>(tiller_status_stopped))); break;
+      case 1: armed_ = call_with_status(tiller_arm(t_)) || armed_; break;
+      case 2: armed_ = !call_with_status(tiller_disarm(t_)) && armed_; break;
+      case 3: armed_ = !call_with_status(tiller_stop(t_, tiller_status_stopped)) && armed_; break;
       case 4: reset(); break;
       case 5: goal(input); break;
       case 6: box(input); break;
@@ -132,15 +130,15 @@ class Life {
  private:
   /// Sizes beside the right one, a wrong alignment; what is right is laid out.
   void init(std::uint8_t choice) {
+    begun_ = true;
     t_ = nullptr;
     memory_ = nullptr;
     const char* field = nullptr;
     const tiller_status_t checked = tiller_config_check(&config_, &field);
     fuzz::require((checked == tiller_status_ok) == (field == nullptr || *field == '\0'), "a refusal names its field");
-    if (!is_small(config_)) return;
     const std::size_t size = tiller_size(&config_);
     fuzz::require((size > 0) == (checked == tiller_status_ok), "a good configuration has a size");
-    if (size > (8u << 20)) return;
+    if (!is_small(config_) || size > (2u << 20)) return;
     storage_.assign(size + TILLER_ALIGNMENT + 2 * kCanary, kCanaryByte);
     const auto first = reinterpret_cast<std::uintptr_t>(storage_.data()) + kCanary;
     unsigned char* const aligned =
@@ -157,22 +155,22 @@ class Life {
     if (t_ == nullptr) return;
     memory_ = aligned;
     size_ = size;
-    safe_ = moving_ = false;
+    safe_ = moving_ = armed_ = false;
   }
 
-  void call_with_status(tiller_status_t status) {
+  /// Whether the call was accepted.
+  bool call_with_status(tiller_status_t status) {
     fuzz::require(t_ != nullptr || status == tiller_status_null_argument, "no controller, no call");
+    return status == tiller_status_ok;
   }
 
   void reset() {
-    const tiller_status_t status = tiller_reset(t_);
-    call_with_status(status);
-    if (status == tiller_status_ok) safe_ = false;
+    if (call_with_status(tiller_reset(t_))) safe_ = armed_ = false;
   }
 
   void goal(fuzz::Bytes& input) {
     rows_.resize(4);
-    for (double& value : rows_) value = number(input);
+    for (double& value : rows_) value = fuzz::number(input);
     const std::uint8_t kind = input.byte();
     if (kind % 4 == 0) (void)tiller_set_target(t_, kind < 8 ? nullptr : rows_.data());
     if (kind % 4 == 1) (void)tiller_set_output_target(t_, kind < 8 ? nullptr : rows_.data());
@@ -181,8 +179,8 @@ class Life {
   }
 
   void box(fuzz::Bytes& input) {
-    double low[2], high[2], from = number(input), to = number(input);
-    for (int i = 0; i < 2; ++i) low[i] = number(input), high[i] = number(input);
+    double low[2], high[2], from = fuzz::number(input), to = fuzz::number(input);
+    for (int i = 0; i < 2; ++i) low[i] = fuzz::number(input), high[i] = fuzz::number(input);
     const std::uint8_t kind = input.byte();
     const tiller_box_t wanted = {kind == 1 ? 3u : static_cast<std::uint32_t>(sizeof(tiller_box_t)),
                                  TILLER_CONFIG_VERSION,
@@ -203,7 +201,7 @@ class Life {
     tiller_info_t info;
     tiller_get_info(t_, &info);
     (void)tiller_get_covariance(t_, square.data());
-    (void)tiller_get_quantile(t_, at % 5, number(input), &value);
+    (void)tiller_get_quantile(t_, at % 5, fuzz::number(input), &value);
     (void)tiller_get_contraction(t_, &d, ratio.data(), square.data());
     fuzz::require(d <= np, "no more directions than parameters");
     const std::uint32_t steps = tiller_get_plan(t_, inputs.data(), static_cast<std::uint32_t>(inputs.size()));
@@ -227,19 +225,22 @@ class Life {
     m.stamp_us = kind % 16 == 1 ? static_cast<std::int64_t>(input.long_word()) : now_us_;
     m.sequence = ++sequence_;
     if (kind % 16 == 2) m.command_latency_us = input.word();
-    m.value[0] = angle_ += (kind % 8 - 4) * 0.01;
-    if (kind % 16 == 3) m.value[0] = number(input);
+    const double step = (kind % 8 - 4) * 0.01;
+    m.value[0] = angle_ += step;
+    m.value[1] = step / 0.02;
+    if (kind % 16 == 3) m.value[0] = fuzz::number(input);
     tiller_command_t command;
     std::memset(&command, 0xff, sizeof command);
-    const tiller_status_t status = tiller_tick(t_, now_us_, kind % 16 == 4 ? nullptr : &m, &command);
+    const bool has_reading = kind % 16 != 4;
+    const tiller_status_t status = tiller_tick(t_, now_us_, has_reading ? &m : nullptr, &command);
     if (t_ == nullptr) {
       fuzz::require(status == tiller_status_null_argument && command.value[0] == 0.0, "a command is always filled");
       return;
     }
-    judge(command);
+    judge(command, has_reading && (std::isfinite(m.value[0]) || config_.measurement_count > 1));
   }
 
-  void judge(const tiller_command_t& command) {
+  void judge(const tiller_command_t& command, bool may_begin) {
     const double u = command.value[0], low = config_.safety.input_low[0], high = config_.safety.input_high[0];
     fuzz::require(u >= low && u <= high, "a command is a number within its limits");
     for (int i = 1; i < TILLER_MAX_INPUTS; ++i)
@@ -247,8 +248,11 @@ class Life {
     const bool moving = command.state == tiller_state_active || command.state == tiller_state_hold;
     fuzz::require(command.state <= tiller_state_safe, "a state");
     if (!moving) fuzz::require(u == config_.safety.safe_command[0], "at rest the safe command goes out");
+    if (!armed_) fuzz::require(!moving, "nothing moves before it is armed");
+    if (moving && !moving_) fuzz::require(may_begin, "motion begins with a measurement");
     if (safe_) fuzz::require(command.state == tiller_state_safe, "SAFE is left by reset alone");
     safe_ = command.state == tiller_state_safe;
+    armed_ = armed_ && !safe_;
     if (moving && moving_ && std::isfinite(config_.safety.input_rate_per_s[0])) {
       const double step = config_.safety.input_rate_per_s[0] * (config_.period_s + 1e-6);
       fuzz::require(std::fabs(u - last_) <= step * (1.0 + 1e-9) + 1e-12, "no faster than its rate");
@@ -266,16 +270,16 @@ class Life {
   std::int64_t now_us_ = 1000000;
   std::uint32_t sequence_ = 0;
   double angle_ = 0.1, last_ = 0.0;
-  bool safe_ = false, moving_ = false;
+  bool begun_ = false, safe_ = false, moving_ = false, armed_ = false;
 };
 
 }  // namespace
 
-// Requirement: SR-1, SR-2, SR-3, SR-4, SR-13, SR-14
+// Requirement: SR-1, SR-2, SR-3, SR-4, SR-5, SR-13, SR-14
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   fuzz::Bytes input(data, size);
   Life first(input), second(input);
-  for (int i = 0; i < 200 && !input.empty(); ++i) {
+  for (int i = 0; i < kLongestLife && !input.empty(); ++i) {
     const std::uint8_t who = input.byte();
     (who % 4 == 0 ? second : first).step(input);
   }

@@ -5,8 +5,7 @@
 #include <cstring>
 
 #include "core/e2e.hpp"
-#include "fuzz.hpp"
-#include "io/can_robot.hpp"
+#include "fuzz_can.hpp"
 
 namespace {
 
@@ -44,31 +43,6 @@ tiller::CanLayout layout_of(fuzz::Bytes& input) {
   return layout;
 }
 
-/// Identifiers of all kinds: node and command, what a moteus or a MIT drive answers with, anything.
-tiller::CanFrame frame_of(fuzz::Bytes& input) {
-  static constexpr std::uint32_t kNodes[] = {1, 2, 48, 63};
-  tiller::CanFrame frame;
-  const std::uint8_t kind = input.byte(), choice = input.byte();
-  frame.id = kNodes[choice >> 5 & 3] << 5 | (choice & 31u);
-  if (kind % 4 == 1) frame.id = static_cast<std::uint32_t>(choice) << 8;
-  if (kind % 4 == 2) frame.id = choice;
-  if (kind % 4 == 3) frame.id = input.word();
-  frame.fd = (kind & 4) != 0;
-  frame.extended = (kind & 8) != 0;
-  frame.length = input.byte();
-  const std::string bytes = input.take(frame.length < sizeof frame.data ? frame.length : sizeof frame.data);
-  std::memcpy(frame.data, bytes.data(), bytes.size());
-  return frame;
-}
-
-void check_frames(const tiller::CanRobot& robot, const tiller::CanFrame* frames, std::uint32_t count) {
-  fuzz::require(count <= tiller::CanRobot::kMaxFrames, "frames fit their places");
-  for (std::uint32_t i = 0; i < count; ++i) {
-    fuzz::require(frames[i].length <= (frames[i].fd ? 64 : 8), "a frame has a possible length");
-    fuzz::require(!frames[i].fd || robot.needs_fd(), "a bus without FD gets classic frames");
-  }
-}
-
 void receive(tiller::CanRobot& robot, const tiller::CanFrame& frame, std::int64_t now_us) {
   const bool taken = robot.receive(frame, now_us);
   if (!taken || frame.id > (frame.extended ? tiller::kExtendedMask : tiller::kStandardMask)) return;
@@ -98,7 +72,7 @@ void check_command(tiller::CanRobot& robot, fuzz::Bytes& input) {
   }
   tiller::CanFrame frames[tiller::CanRobot::kMaxFrames];
   const std::uint32_t count = robot.command(command, frames);
-  check_frames(robot, frames, count);
+  fuzz::check_frames(robot, frames, count);
   fuzz::require(finite || count == 0, "nothing is sent for a command that is not finite");
 }
 
@@ -119,11 +93,11 @@ void step(tiller::CanRobot& robot, std::uint8_t kind, fuzz::Bytes& input, std::i
   tiller::CanFrame frames[tiller::CanRobot::kMaxFrames];
   switch (kind % 8) {
     case 0: check_command(robot, input); break;
-    case 1: check_frames(robot, frames, robot.clear_faults(frames)); break;
-    case 2: check_frames(robot, frames, robot.ask(frames)); break;
-    case 3: check_frames(robot, frames, robot.queries_due(frames)); break;
+    case 1: fuzz::check_frames(robot, frames, robot.clear_faults(frames)); break;
+    case 2: fuzz::check_frames(robot, frames, robot.ask(frames)); break;
+    case 3: fuzz::check_frames(robot, frames, robot.queries_due(frames)); break;
     case 4: robot.prepare((kind & 8) != 0); break;
-    default: receive(robot, frame_of(input), now_us);
+    default: receive(robot, fuzz::can_frame(input), now_us);
   }
   check_measurement(robot);
   fuzz::require((robot.fault() != tiller_status_ok) == (robot.fault_text() != nullptr), "a fault has its text");

@@ -15,7 +15,7 @@ import zlib
 CHECK = sys.argv[1] == "--check"
 CORPUS, TYPES = sys.argv[1 + CHECK:3 + CHECK]
 sys.path.insert(0, TYPES)
-from tiller_lcm import command_t, forces_t, measurement_t, telemetry_t  # noqa: E402
+from tiller_lcm import arm_t, command_t, forces_t, goal_t, measurement_t, telemetry_t  # noqa: E402
 
 
 def save(fuzzer, name, data):
@@ -57,7 +57,8 @@ save("lcm", "url", b"\2" + b"239.255.76.67:7667?ttl=1&recv_buf_size=100000")
 save("lcm", "seal", b"\3" + measurement(7))
 save("lcm", "round_trip", b"\4\2" + struct.pack(">qIIddd", 1000, 7, 8000, 0.5, float("inf"), float("nan")))
 
-# ---- abi: two configurations (planner and engine, how many numbers to spoil), then steps: whose, the call, arguments
+# ---- abi: two configurations (planner and engine, how many settings to change and words to spoil, what these are), then
+# steps: whose, the call, arguments
 
 ARM, DISARM, STOP, RESET, GOAL, BOX, PREPARE, ITERATIONS, READ, TICK = range(1, 11)
 
@@ -74,7 +75,7 @@ save("abi", "probed", bytes([64, 0, 64, 0]) + RUN + life((BOX, 96, 128, 80, 144,
 save("abi", "goals", bytes([1, 0, 0, 0]) + RUN + life((GOAL, 112, 112, 112, 112, 8), (TICK, 5), (GOAL, 120, 112, 112, 112, 14),
                                                      (TICK, 5), (ITERATIONS, 2), (TICK, 5), (DISARM,), (TICK, 5)))
 save("abi", "sensors", bytes([0, 0, 0, 0]) + RUN + life((TICK, 3, 225, 14), (TICK, 3, 225, 12), (TICK, 4), (TICK + 96, 4), (TICK, 5)))
-save("abi", "layout", bytes([0, 6, 1, 8, 1, 200, 3, 0, 0, 7, 0, 5]) + life((0, 1), (0, 2), (0, 0)) + RUN)
+save("abi", "layout", bytes([0, 64 - 16 + 1, 40, 3, 1, 8, 1, 200, 0, 56, 1, 8, 0, 7]) + life((0, 1), (0, 2), (0, 0)) + RUN)
 
 # ---- can: two bytes for the layout, then steps: kind, then a frame (kind, identifier, length, data) or a command
 
@@ -129,6 +130,55 @@ def protected(data, counter):
 
 
 save("can", "e2e", b"\x80\x0f" + b"".join(protected(b"abcdef", i % 256) for i in (254, 255, 0, 0, 1)))
+
+# ---- links: a byte for the robot (drive, planner, where readings come from), then steps (fuzz_links.cpp)
+
+
+def wire(step, message):
+    return bytes([step, len(message)]) + message
+
+
+def goal(sequence, kind, *value):
+    g = goal_t()
+    g.sequence, g.kind, g.count, g.value = sequence, kind, len(value), value
+    return g.encode()
+
+
+permit = b"\7\0\1"
+alive, failed = b"\10\0\10", b"\10\1\1"
+reading, estimates = [bytes([3, 64, 112 + i]) for i in range(12)], [bytes([1, 112 + i, 112]) for i in range(12)]
+pulse, late = bytes([10]), bytes([250])
+for name, robot, readings in (("over_lcm", 128, reading), ("kept_off", 64 + 128, reading), ("over_can", 0, estimates),
+                              ("moteus", 129, reading), ("mit", 130, reading)):
+    start = alive + readings[0] + pulse + permit
+    motion = b"".join(one + alive + pulse for one in readings[1:9])
+    save("links", name, bytes([robot]) + start + motion + failed + readings[9] + pulse + b"\x09\1" + readings[10] + pulse)
+save("links", "steered", b"\x80" + alive + reading[0] + pulse + permit + reading[1] + pulse + wire(4, goal(1, 0, 1.0, 0.0)) +
+     reading[2] + pulse + bytes([5, 3, 0, 120, 112]) + reading[3] + pulse + b"\7\0\0" + reading[4] + pulse + late)
+a = arm_t()
+a.answered_stamp_us, a.arm = 1020000, 1
+save("links", "bytes", b"\x80" + reading[0] + pulse + wire(6, a.encode()) + wire(2, packet(b"M", measurement(1, 1, 1))[2:]) +
+     b"\0" + bytes([0, 9, 8]) + struct.pack("<ff", 0.5, 1.0) + b"\x09\0\x09\2\x09\3" + pulse)
+
+# ---- robot_parts: a robot file and the files that it names, a byte 0x1e between them
+
+tree = pathlib.Path(__file__).resolve().parents[2]
+
+
+def plain(path):
+    return re.sub(r"\s*#.*", "", (tree / path).read_text()).strip() + "\n"
+
+
+network, policy = re.findall(r"```json\n(.*?)```", (tree / "docs/reference/networks.md").read_text(), re.S)[:2]
+pendulum = plain("robots/pendulum.toml").replace('kind = "cem"', 'kind = "policy"\nfallback = "ilqr"')
+pendulum += '[[effects]]\nkind = "network"\n[network]\nfile = "@1"\n[policy]\nfile = "@2"\n'
+save("robot_parts", "networks", "\x1e".join((pendulum, network, policy)).encode())
+folder = "tests/tools/task"
+task = plain(f"{folder}/task.toml").replace(', "shown_3.csv"', "")
+names = ("task.posterior.json", "track.csv", "shown_1.csv", "shown_2.csv")
+for i, name in enumerate(names):
+    task = task.replace(name, f"@{i + 1}")
+save("robot_parts", "task", "\x1e".join((task, *(plain(f"{folder}/{name}") for name in names))).encode())
 
 # ---- logs for the pendulum: CSV, LCM
 

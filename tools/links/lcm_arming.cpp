@@ -1,6 +1,7 @@
 #include "tools/links/lcm_arming.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include "io/lcm_messages.hpp"
 #include "tools/robot/robot_file.hpp"
@@ -49,7 +50,6 @@ void LcmArming::take(const std::uint8_t* bytes, std::uint32_t size) {
 }
 
 ArmRequest LcmArming::poll() {
-  decided_ = ArmRequest::none;
   channel_.poll([this](const std::uint8_t* bytes, std::uint32_t size) { take(bytes, size); },
                 [this](const char* why) { refuse(why); });
   if (challenge_due_) {
@@ -59,7 +59,7 @@ ArmRequest LcmArming::poll() {
     channel_.send(answer, trailer.data(), static_cast<std::uint32_t>(trailer.size()));
     challenge_due_ = false;
   }
-  return decided_;
+  return std::exchange(decided_, ArmRequest::none);
 }
 
 std::string LcmArming::help() const { return "a message arm_t on the LCM channel " + channel_.name(); }

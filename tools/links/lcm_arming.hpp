@@ -22,9 +22,10 @@ class LcmArming : public ArmSource {
   std::string help() const override;
   void note_sent(const tiller_command_t& command) override;
   std::string counters() const override;
+  /// Takes one encoded message, any bytes, as poll() does with what the channel brought; the next poll() tells.
+  void take(const std::uint8_t* bytes, std::uint32_t size);
 
  private:
-  void take(const std::uint8_t* bytes, std::uint32_t size);
   void refuse(const char* why);
   bool is_of_this_run(std::int64_t stamp_us) const;
 

@@ -19,10 +19,10 @@ class LcmGoals final : public GoalSource {
   bool open(std::string& error) override;
   bool poll(Goal& goal) override;
   std::string counters() const override { return target_.counters(); }
-
- private:
+  /// Takes one encoded message, any bytes, as poll() does with what the channel brought.
   void take(const std::uint8_t* bytes, std::uint32_t size);
 
+ private:
   const RobotFile& robot_;
   LcmChannel channel_;
   GoalTarget target_;
