@@ -88,8 +88,8 @@ function(tiller_library name)
     set(scope PUBLIC)
     target_link_libraries(${target} PRIVATE $<BUILD_INTERFACE:tiller_flags> ${ARG_PRIVATE_LIBS})
     target_compile_options(${target} PRIVATE ${TILLER_RUNTIME_OPTIONS})
-    if(TILLER_SANITIZE MATCHES "fuzzer" AND name MATCHES "^(rollout|posterior|planners)$")
-      # Told of every comparison of two doubles, a fuzzer spends half of a tick on being told.
+    if(TILLER_SANITIZE MATCHES "fuzzer" AND name MATCHES "^(rollout|posterior|planners|executive|abi)$")
+      # Told of every comparison, a fuzzer spends half of a tick on being told. Settings are chosen by name, not guessed.
       target_compile_options(${target} PRIVATE -O2 -fno-sanitize-coverage=trace-cmp)
     endif()
     if(name IN_LIST TILLER_MCDC)

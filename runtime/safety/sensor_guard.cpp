@@ -156,8 +156,11 @@ bool SensorGuard::repeated(const tiller_measurement_t& measurement) const {
 
 bool SensorGuard::stale(std::int64_t now_us) const {
   if (!started_) return false;
-  for (std::uint32_t i = 0; i < limits_.count; ++i)
-    if (elapsed_us(now_us, seen_us_[i]) > limits_.timeout_us - still_us_) return true;
+  for (std::uint32_t i = 0; i < limits_.count; ++i) {
+    const std::int64_t age_us = elapsed_us(now_us, seen_us_[i]);
+    // a clock that was set back leaves an age below zero, which no silence would bring to the timeout
+    if (age_us > limits_.timeout_us - still_us_ || age_us < -limits_.ahead_us) return true;
+  }
   return false;
 }
 

@@ -97,6 +97,30 @@ TEST(ClockSet, InMotionItIsAFault) {
   EXPECT_EQ(b.state(), tiller_state_safe);
 }
 
+// Requirement: SR-7, SR-12
+TEST(ClockSet, InMotionWithoutReadingsItIsAFaultAtOnce) {
+  Bench b;
+  b.activate();
+  (void)b.tick();
+  b.now_us -= 3600000000;
+  EXPECT_EQ(b.tick(nullptr), tiller_status_time_backwards) << "an age below zero is none that could expire";
+  EXPECT_EQ(b.state(), tiller_state_safe);
+}
+
+// Requirement: SR-12
+TEST(ClockSet, InMotionByLessThanAPeriodItCostsATick) {
+  Bench b;
+  b.activate();
+  (void)b.tick();
+  b.now_us -= b.period_us + b.period_us / 2;
+  EXPECT_EQ(b.tick(nullptr), tiller_status_time_backwards);
+  EXPECT_EQ(b.state(), tiller_state_active);
+  EXPECT_EQ(b.tick(), tiller_status_ok);
+  EXPECT_EQ(b.state(), tiller_state_active);
+  for (int i = 0; i < 10 && b.state() != tiller_state_safe; ++i) (void)b.tick(nullptr);
+  EXPECT_EQ(b.state(), tiller_state_safe) << "silence still counts";
+}
+
 TEST(Pause, LongerThanTheSensorsTimeoutInMotionIsSafe) {
   Bench b;
   b.activate();

@@ -196,6 +196,17 @@ TEST(SensorGuard, CallersClockGoingBackIsSeenEvenWithoutAReading) {
   EXPECT_TRUE(b.nothing(7 * kPeriod_us).lost);
 }
 
+// Requirement: SR-7, SR-12
+TEST(SensorGuard, AnAgeBelowZeroIsLostAtOnceBecauseNoSilenceWouldEndIt) {
+  Bench b;
+  (void)b.at(10 * kPeriod_us, 0.0, 0.0);
+  EXPECT_FALSE(b.nothing(9 * kPeriod_us).lost) << "a period is the skew of a stamp";
+  const SensorVerdict v = b.nothing(9 * kPeriod_us - 1);
+  EXPECT_EQ(v.status, tiller_status_time_backwards);
+  EXPECT_TRUE(v.lost);
+  EXPECT_TRUE(b.nothing(9 * kPeriod_us - 1).lost) << "and stays so on the clock that goes on from there";
+}
+
 TEST(SensorGuard, ExtremeStampsDoNotOverflow) {
   Bench b;
   const std::int64_t low = std::numeric_limits<std::int64_t>::min();
