@@ -136,8 +136,11 @@ Finding check_outputs(const tiller_cost_config_t& c, const tiller_model_t& model
   return kGood;
 }
 
-Finding check_own(const tiller_cost_config_t& c) {
-  if (c.own == nullptr) return kGood;
+Finding check_own(const tiller_cost_config_t& c, const tiller_model_t& model) {
+  if (c.own == nullptr) {
+    const bool lacks_cost = c.own_weight > 0.0 && !select_rollout(model).own_cost;
+    return lacks_cost ? Finding{tiller_status_bad_cost, "cost.own_weight"} : kGood;
+  }
   if (c.own->size != sizeof(tiller_own_cost_t)) return {tiller_status_version_mismatch, "cost.own.size"};
   if (c.own->version != TILLER_CONFIG_VERSION) return {tiller_status_version_mismatch, "cost.own.version"};
   if (c.own->stage == nullptr) return {tiller_status_null_argument, "cost.own.stage"};
@@ -169,7 +172,7 @@ Finding check_cost(const tiller_config_t& c) {
   if (finding.status == tiller_status_ok) finding = check_terms(c.cost, states);
   if (finding.status == tiller_status_ok) finding = check_rows(c.cost, *c.model);
   if (finding.status == tiller_status_ok) finding = check_outputs(c.cost, *c.model);
-  if (finding.status == tiller_status_ok) finding = check_own(c.cost);
+  if (finding.status == tiller_status_ok) finding = check_own(c.cost, *c.model);
   return finding;
 }
 

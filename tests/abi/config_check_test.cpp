@@ -335,6 +335,7 @@ const Spoiled kSpoiled[] = {
     {"cost.demonstration_weight", tiller_status_bad_cost, [](C& c) { c.cost.demonstration_weight = 1.0; }},
     {"cost.own_weight", tiller_status_bad_cost, [](C& c) { c.cost.own_weight = -1.0; }},
     {"cost.own_weight", tiller_status_bad_cost, [](C& c) { c.cost.own_weight = kNan; }},
+    {"cost.own_weight", tiller_status_bad_cost, [](C& c) { c.cost.own_weight = 1.0; }},  // of no cost
     {"cost.own.size", tiller_status_version_mismatch, [](C& c) { own(c).size = 8; }},
     {"cost.own.version", tiller_status_version_mismatch, [](C& c) { own(c).version = 1; }},
     {"cost.own.stage", tiller_status_null_argument, [](C& c) { own(c).stage = nullptr; }},

@@ -17,6 +17,7 @@ namespace {
 constexpr std::size_t kCanary = 128;
 constexpr unsigned char kCanaryByte = 0xa5;
 constexpr int kLongestLife = 64;
+constexpr int kMostLayouts = 3;  // of one controller: each costs as much as twenty ticks
 
 /// A setting of config.def, whichever there are, at a value of its range: close to its lowest where it is a count, which
 /// is work; anywhere else, by powers of ten where the range spans many. Beyond it where `byte` is above 240.
@@ -71,11 +72,22 @@ void spoil(fuzz::Bytes& input, tiller::Config& c) {
   }
 }
 
+/// A torque that pushes back, with a range beyond which the fallback plans.
+const tiller_policy_t& small_policy() {
+  static const float weights[] = {0.0f, 0.5f, 0.0f, -0.3f}, low[] = {-1.0f, -1.0f, -8.0f}, high[] = {1.0f, 1.0f, 8.0f};
+  static const tiller_network_t network = {sizeof network, TILLER_CONFIG_VERSION, tiller_network_tanh, 3, 1, 1, {0, 0},
+                                           weights, 4, 0};
+  static const tiller_policy_t policy = {sizeof policy, TILLER_CONFIG_VERSION, tiller_policy_state, tiller_policy_cut,
+                                         &network, low, high};
+  return policy;
+}
+
 /// A small controller of the pendulum, and what the input makes of it.
 tiller::Config config_of(fuzz::Bytes& input) {
   tiller::Config c = fuzz::small_pendulum();
   const std::uint8_t choice = input.byte();
   c.planner.kind = choice % tiller_planner_kind_count;
+  if (c.planner.kind == tiller_planner_policy) c.policy = &small_policy();
   c.posterior.kind = choice / 16 % 2 == 0 ? tiller_posterior_filter : tiller_posterior_transition;
   if (c.posterior.kind == tiller_posterior_transition) {  // which wants every state
     c.measurement_count = 2;
@@ -107,10 +119,10 @@ class Life {
   explicit Life(fuzz::Bytes& input) : config_(config_of(input)) {}
 
   void step(fuzz::Bytes& input) {
-    if (!begun_) init(0);
+    if (layouts_ == 0) init(0);
     const std::uint8_t call = input.byte();
     switch (call % 16) {
-      case 0: init(input.byte()); break;
+      case 0: call < 64 && layouts_ < kMostLayouts ? init(input.byte()) : tick(input, call / 16); break;
       case 1: armed_ = call_with_status(tiller_arm(t_)) || armed_; break;
       case 2: armed_ = !call_with_status(tiller_disarm(t_)) && armed_; break;
       case 3: armed_ = !call_with_status(tiller_stop(t_, tiller_status_stopped)) && armed_; break;
@@ -130,7 +142,7 @@ class Life {
  private:
   /// Sizes beside the right one, a wrong alignment; what is right is laid out.
   void init(std::uint8_t choice) {
-    begun_ = true;
+    ++layouts_;
     t_ = nullptr;
     memory_ = nullptr;
     const char* field = nullptr;
@@ -270,7 +282,8 @@ class Life {
   std::int64_t now_us_ = 1000000;
   std::uint32_t sequence_ = 0;
   double angle_ = 0.1, last_ = 0.0;
-  bool begun_ = false, safe_ = false, moving_ = false, armed_ = false;
+  int layouts_ = 0;
+  bool safe_ = false, moving_ = false, armed_ = false;
 };
 
 }  // namespace
