@@ -121,6 +121,7 @@ TEST(ClockSet, InMotionByLessThanAPeriodItCostsATick) {
   EXPECT_EQ(b.state(), tiller_state_safe) << "silence still counts";
 }
 
+// Requirement: SR-7
 TEST(Pause, LongerThanTheSensorsTimeoutInMotionIsSafe) {
   Bench b;
   b.activate();

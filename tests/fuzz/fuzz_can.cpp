@@ -105,7 +105,7 @@ void step(tiller::CanRobot& robot, std::uint8_t kind, fuzz::Bytes& input, std::i
 
 }  // namespace
 
-// Requirement: SR-16
+// Requirement: SR-16, SR-21
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   if (size > 0 && data[0] == 128) {
     fuzz::Bytes input(data + 1, size - 1);

@@ -201,7 +201,7 @@ class Robot {
 
 }  // namespace
 
-// Requirement: SR-1, SR-3, SR-5, SR-16, SR-19
+// Requirement: SR-1, SR-3, SR-5, SR-16, SR-19, SR-21
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   fuzz::Bytes input(data, size);
   Robot robot(input.byte());

@@ -301,5 +301,24 @@ TEST(LogFormats, AnMcapFileThatIsCutOffIsTold) {
   EXPECT_NE(error.find("gap_run.mcap"), std::string::npos) << error;
 }
 
+/// A new robot file in another folder finds what the old one named, and texts that name no file stay.
+TEST(GapRobot, PathsLeadToTheSameFilesFromAnotherFolder) {
+  namespace fs = std::filesystem;
+  const fs::path home = fs::path(testing::TempDir()) / "gap_paths", other = home / "out";
+  fs::create_directories(other);
+  for (const char* name : {"own.hpp", "a.csv"}) std::fclose(std::fopen((home / name).c_str(), "wb"));
+  const std::string text =
+      "[robot]\nname = \"own.hpp\"\n[model]\nfile = \"own.hpp\" # ours\n[posterior]\nprior_file = \"none.json\"\n"
+      "[cost]\ndemonstration = [\"a.csv\", \"/a.csv\"]\n";
+  const std::string moved = with_paths_from(text, home.string(), other.string());
+  EXPECT_NE(moved.find("name = \"own.hpp\""), std::string::npos) << moved;
+  EXPECT_NE(moved.find("# ours"), std::string::npos) << moved;
+  EXPECT_NE(moved.find("prior_file = \"none.json\""), std::string::npos) << "there is none: " << moved;
+  EXPECT_EQ(std::count(moved.begin(), moved.end(), '/'), 3) << moved;
+  EXPECT_TRUE(fs::equivalent(other / "../own.hpp", home / "own.hpp"));
+  EXPECT_EQ(with_paths_from(text, home.string(), (other / "..").string()), text) << "the same folder";
+  fs::remove_all(home);
+}
+
 }  // namespace
 }  // namespace tiller::tools::gap

@@ -266,6 +266,7 @@ TEST_F(Robot, SafeWithZeroTorqueIsIdleAndAHoldingTorqueIsNot) {
   EXPECT_EQ(1, frames[0].data[0]);
 }
 
+// Requirement: SR-21
 TEST_F(Robot, NothingIsSentForACommandThatIsNotFinite) {
   EXPECT_TRUE(command(tiller_state_active, std::numeric_limits<double>::quiet_NaN()).empty());
   EXPECT_TRUE(command(tiller_state_active, -std::numeric_limits<double>::infinity()).empty());

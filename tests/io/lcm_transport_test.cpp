@@ -272,6 +272,7 @@ TEST_P(Lcm, AMissingValueIsNotANumber) {
   EXPECT_EQ(-1.0, measurement_.value[1]);
 }
 
+// Requirement: SR-21
 TEST_P(Lcm, ACommandThatIsNotFiniteIsNotSent) {
   tiller_command_t command{};
   command.value[0] = std::numeric_limits<double>::quiet_NaN();

@@ -357,6 +357,19 @@ TEST(ConesInTrees, the_optimum_of_trunk_and_branches_is_found) {
   }
 }
 
+/// A cap that ends the program too early: what it leaves is kept within limits and cones, and told.
+TEST(ConesInTrees, a_program_that_is_not_solved_is_told) {
+  for (const std::uint32_t planner : {tiller_planner_sqp, tiller_planner_ilqr}) {
+    tiller::Config c = tree_config(3, 1, planner);
+    gimbal(c);
+    c.planner.qp_iterations = 1;
+    Bench bench(c, nullptr, table_of(c));
+    bench.set_state(kAway);
+    set_masses(bench, {0.9, 1.0, 1.2});
+    EXPECT_EQ(bench.plan().status, tiller_status_program_unsolved) << tiller::find_planner(planner)->name;
+  }
+}
+
 /// Hypotheses that are all alike have one plan, whatever tree they are put in, with limits of rates in force too.
 TEST(ConesInTrees, branches_of_equal_masses_are_one_sequence) {
   for (const auto cone : {limit_norm, gimbal}) {

@@ -229,6 +229,7 @@ TEST_F(Ros2, TheNewestWins) {
   EXPECT_EQ(3.0, measurement_.value[0]);
 }
 
+// Requirement: SR-21
 TEST_F(Ros2, CommandsArriveWholeAndFinite) {
   open();
   EXPECT_EQ(tiller_status_command_not_finite, send(1, std::nan("")));
