@@ -4,6 +4,7 @@
 //
 // Controllers are as small as the ranges of config.def allow, settings are chosen by name out of these ranges, and a
 // program ends after kLongestLife calls: a life takes a tenth of a millisecond, so that 1e7 of them are hours.
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <memory>
@@ -249,7 +250,19 @@ class Life {
       fuzz::require(status == tiller_status_null_argument && command.value[0] == 0.0, "a command is always filled");
       return;
     }
-    judge(command, has_reading && (std::isfinite(m.value[0]) || config_.measurement_count > 1));
+    const bool may_begin = has_reading && (std::isfinite(m.value[0]) || config_.measurement_count > 1);
+    if (may_begin) stamps_.push_back(m.stamp_us);
+    judge(command, may_begin);
+  }
+
+  /// Whether anything was given to this tick or one before it that is neither older than the timeout nor, but for a
+  /// period, of the future.
+  bool has_fresh_reading() const {
+    const double longest_us = config_.safety.sensor_timeout_s * 1e6 + 1.0, ahead_us = config_.period_s * 1e6 + 1.0;
+    return std::any_of(stamps_.begin(), stamps_.end(), [&](std::int64_t stamp_us) {
+      const double age_us = static_cast<double>(static_cast<__int128>(now_us_) - stamp_us);
+      return age_us <= longest_us && age_us >= -ahead_us;
+    });
   }
 
   void judge(const tiller_command_t& command, bool may_begin) {
@@ -261,6 +274,7 @@ class Life {
     fuzz::require(command.state <= tiller_state_safe, "a state");
     if (!moving) fuzz::require(u == config_.safety.safe_command[0], "at rest the safe command goes out");
     if (!armed_) fuzz::require(!moving, "nothing moves before it is armed");
+    if (moving) fuzz::require(has_fresh_reading(), "nothing moves on stale readings");
     if (moving && !moving_) fuzz::require(may_begin, "motion begins with a measurement");
     if (safe_) fuzz::require(command.state == tiller_state_safe, "SAFE is left by reset alone");
     safe_ = command.state == tiller_state_safe;
@@ -278,6 +292,7 @@ class Life {
   unsigned char* memory_ = nullptr;
   std::size_t size_ = 0;
   tiller_t* t_ = nullptr;
+  std::vector<std::int64_t> stamps_;
   std::vector<double> rows_;  // a reference is not copied
   std::int64_t now_us_ = 1000000;
   std::uint32_t sequence_ = 0;
@@ -288,7 +303,7 @@ class Life {
 
 }  // namespace
 
-// Requirement: SR-1, SR-2, SR-3, SR-4, SR-5, SR-13, SR-14
+// Requirement: SR-1, SR-2, SR-3, SR-4, SR-5, SR-7, SR-12, SR-13, SR-14
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   fuzz::Bytes input(data, size);
   Life first(input), second(input);

@@ -75,6 +75,8 @@ save("abi", "probed", bytes([64, 0, 64, 0]) + RUN + life((BOX, 96, 128, 80, 144,
 save("abi", "goals", bytes([1, 0, 0, 0]) + RUN + life((GOAL, 112, 112, 112, 112, 8), (TICK, 5), (GOAL, 120, 112, 112, 112, 14),
                                                      (TICK, 5), (ITERATIONS, 2), (TICK, 5), (DISARM,), (TICK, 5)))
 save("abi", "sensors", bytes([0, 0, 0, 0]) + RUN + life((TICK, 3, 225, 14), (TICK, 3, 225, 12), (TICK, 4), (TICK + 96, 4), (TICK, 5)))
+save("abi", "clock_set", bytes([0, 0, 0, 0]) + life((ARM,), *[(TICK, 5), (TICK, 11)] * 8) +
+     life((TICK, 255, *struct.pack(">q", 500000)), *[(TICK, 4)] * 9))
 save("abi", "layout", bytes([0, 64 - 16 + 1, 40, 3, 1, 8, 1, 200, 0, 56, 1, 8, 0, 7]) + life((0, 1), (0, 2), (0, 0)) + RUN)
 
 # ---- can: two bytes for the layout, then steps: kind, then a frame (kind, identifier, length, data) or a command
