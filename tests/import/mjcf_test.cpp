@@ -91,6 +91,18 @@ const MovingBody& body_of(const Mechanism& mechanism, const std::string& joint) 
   return mechanism.bodies[0];
 }
 
+TEST(Mjcf, BodiesHangOnTheWorldInTheEnd) {
+  for (const int parent : {3, 2, 1000000, -1}) {  // in a circle: it did not end; beyond the list: it was read
+    Json json = machine();
+    json["bodies"][2]["parent"] = parent;
+    if (parent == 3) json["bodies"][3]["parent"] = 2;
+    expect_in(refusal(json), parent == 2 || parent == 3 ? "hangs on itself" : "cannot be read");
+  }
+  Json json = machine();
+  json["joints"][0]["body"] = 1000000;
+  expect_in(refusal(json), "cannot be read");
+}
+
 TEST(Mjcf, WhatActsAtAJointIsTaken) {
   Description robot;
   Mechanism mechanism;

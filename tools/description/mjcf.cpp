@@ -37,6 +37,9 @@ class CompiledReader {
   void read() {
     robot_.name = text(json_, "name");
     robot_.gravity_m_s2 = triple(json_.at("gravity"));
+    for (std::size_t b = 0; b < bodies_.size(); ++b)
+      if (!reaches_world(b))
+        return error("body '" + body_name(b) + "' hangs on itself, which MuJoCo does not write; import the MJCF itself");
     find_trees();
     if (!errors_.empty()) return;
     for (std::size_t b = 0; b < bodies_.size(); ++b)
@@ -70,8 +73,12 @@ class CompiledReader {
     if (!names.empty()) leave_out(listed(what, names) + says);
   }
 
-  std::string body_name(std::size_t b) const { return text(bodies_[b], "name"); }
-  std::size_t parent(std::size_t b) const { return bodies_[b].at("parent").get<std::size_t>(); }
+  std::string body_name(std::size_t b) const { return text(bodies_.at(b), "name"); }
+  std::size_t parent(std::size_t b) const { return bodies_.at(b).at("parent").get<std::size_t>(); }
+  bool reaches_world(std::size_t b) const {
+    for (std::size_t steps = 0; b != 0 && steps < bodies_.size(); ++steps) b = parent(b);
+    return b == 0;
+  }
   /// The child of the world that carries a body.
   std::size_t tree_of(std::size_t b) const {
     while (b != 0 && parent(b) != 0) b = parent(b);
