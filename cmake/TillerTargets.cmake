@@ -89,7 +89,7 @@ function(tiller_library name)
     target_link_libraries(${target} PRIVATE $<BUILD_INTERFACE:tiller_flags> ${ARG_PRIVATE_LIBS})
     target_compile_options(${target} PRIVATE ${TILLER_RUNTIME_OPTIONS})
     if(TILLER_SANITIZE MATCHES "fuzzer" AND name MATCHES "^(rollout|posterior|planners|executive|abi)$")
-      # Told of every comparison, a fuzzer spends half of a tick on being told. Settings are chosen by name, not guessed.
+      # Told of every comparison, a fuzzer spends half of a tick on it. Settings are chosen by name, not guessed.
       target_compile_options(${target} PRIVATE -O2 -fno-sanitize-coverage=trace-cmp)
     endif()
     if(name IN_LIST TILLER_MCDC)

@@ -20,8 +20,8 @@ constexpr unsigned char kCanaryByte = 0xa5;
 constexpr int kLongestLife = 64;
 constexpr int kMostLayouts = 3;  // of one controller: each costs as much as twenty ticks
 
-/// A setting of config.def, whichever there are, at a value of its range: close to its lowest where it is a count, which
-/// is work; anywhere else, by powers of ten where the range spans many. Beyond it where `byte` is above 240.
+/// A value for a setting of config.def within its range: close to its lowest for a count, which is work; anywhere else,
+/// by powers of ten where the range spans many. Beyond it where the first byte is above 240.
 double value_of(fuzz::Bytes& input, const tiller::ConfigField& field) {
   const std::uint8_t choice = input.byte();
   const tiller::FieldRange& range = field.range;
@@ -76,10 +76,10 @@ void spoil(fuzz::Bytes& input, tiller::Config& c) {
 /// A torque that pushes back, with a range beyond which the fallback plans.
 const tiller_policy_t& small_policy() {
   static const float weights[] = {0.0f, 0.5f, 0.0f, -0.3f}, low[] = {-1.0f, -1.0f, -8.0f}, high[] = {1.0f, 1.0f, 8.0f};
-  static const tiller_network_t network = {sizeof network, TILLER_CONFIG_VERSION, tiller_network_tanh, 3, 1, 1, {0, 0},
-                                           weights, 4, 0};
-  static const tiller_policy_t policy = {sizeof policy, TILLER_CONFIG_VERSION, tiller_policy_state, tiller_policy_cut,
-                                         &network, low, high};
+  static const tiller_network_t network = {
+      sizeof network, TILLER_CONFIG_VERSION, tiller_network_tanh, 3, 1, 1, {0, 0}, weights, 4, 0};
+  static const tiller_policy_t policy = {
+      sizeof policy, TILLER_CONFIG_VERSION, tiller_policy_state, tiller_policy_cut, &network, low, high};
   return policy;
 }
 

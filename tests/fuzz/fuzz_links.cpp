@@ -40,8 +40,12 @@ tiller::CanLayout layout_of(std::uint8_t choice) {
 class Robot {
  public:
   explicit Robot(std::uint8_t choice)
-      : layout_(layout_of(choice)), over_lcm_(choice >= 128), config_(fuzz::small_pendulum()), arming_(fuzz::robot()),
-        goals_(fuzz::robot()), memory_(new Memory) {
+      : layout_(layout_of(choice)),
+        over_lcm_(choice >= 128),
+        config_(fuzz::small_pendulum()),
+        arming_(fuzz::robot()),
+        goals_(fuzz::robot()),
+        memory_(new Memory) {
     config_.planner.kind = choice % 2 == 0 ? tiller_planner_mppi : tiller_planner_ilqr;
     config_.posterior.noise_ratio_sd = 0.0;
     fuzz::require(tiller::can_layout_error(layout_) == nullptr, "a layout in order");
@@ -177,7 +181,8 @@ class Robot {
     sent_ = true;
   }
   void check_torque(const tiller::CanFrame& frame, bool moving) const {
-    if (layout_.motors[0].drive.kind != tiller::ActuatorKind::odrive || (frame.id & kOdriveCommandBits) != kOdriveTorque)
+    if (layout_.motors[0].drive.kind != tiller::ActuatorKind::odrive ||
+        (frame.id & kOdriveCommandBits) != kOdriveTorque)
       return;
     float torque;
     std::memcpy(&torque, frame.data, sizeof torque);

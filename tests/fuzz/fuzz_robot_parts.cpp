@@ -1,5 +1,5 @@
 // A robot file with the files that it names: networks, policies, posteriors, references and demonstrations. An input is
-// these texts with a byte 0x1e between them, the robot file first; its words "@1" to "@4" become the names of the others.
+// these texts with a byte 0x1e between them, the robot file first; its words "@1" to "@4" become the others' names.
 // Files that a compiler would read, keys, and names of any other file are left out.
 #include <array>
 
@@ -39,9 +39,9 @@ void check_round_trips(const std::string& text) {
                   "a network that was read can be written and read");
   StoredPolicy policy, policy_again;
   if (parse_policy(text, policy, error))
-    fuzz::require(parse_policy(policy_text(policy), policy_again, error) &&
-                      policy_text(policy_again) == policy_text(policy),
-                  "a policy that was read can be written and read");
+    fuzz::require(
+        parse_policy(policy_text(policy), policy_again, error) && policy_text(policy_again) == policy_text(policy),
+        "a policy that was read can be written and read");
   StoredPosterior posterior, posterior_again;
   Words errors;
   if (parse_posterior(text, "fuzz.json", posterior, errors))

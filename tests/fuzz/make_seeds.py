@@ -57,8 +57,8 @@ save("lcm", "url", b"\2" + b"239.255.76.67:7667?ttl=1&recv_buf_size=100000")
 save("lcm", "seal", b"\3" + measurement(7))
 save("lcm", "round_trip", b"\4\2" + struct.pack(">qIIddd", 1000, 7, 8000, 0.5, float("inf"), float("nan")))
 
-# ---- abi: two configurations (planner and engine, how many settings to change and words to spoil, what these are), then
-# steps: whose, the call, arguments
+# ---- abi: two configurations (planner and engine, how many settings to change and words to spoil, what these are),
+# then steps: whose, the call, arguments
 
 ARM, DISARM, STOP, RESET, GOAL, BOX, PREPARE, ITERATIONS, READ, TICK = range(1, 11)
 

@@ -39,7 +39,8 @@ class CompiledReader {
     robot_.gravity_m_s2 = triple(json_.at("gravity"));
     for (std::size_t b = 0; b < bodies_.size(); ++b)
       if (!reaches_world(b))
-        return error("body '" + body_name(b) + "' hangs on itself, which MuJoCo does not write; import the MJCF itself");
+        return error("body '" + body_name(b) +
+                     "' hangs on itself, which MuJoCo does not write; import the MJCF itself");
     find_trees();
     if (!errors_.empty()) return;
     for (std::size_t b = 0; b < bodies_.size(); ++b)
