@@ -97,7 +97,7 @@ struct Sampler {
   double lambda = 0.0;                         // MPPI's last one; 0: none yet
   std::uint64_t last_tick = 0;
   std::uint32_t gone = 0;  // knots that fell off since the method last set it to 0
-  bool cold = true;  // no plan has had an iteration yet
+  bool cold = true;        // no plan has had an iteration yet
 
   // ---- one plan
   const PlanRequest* request = nullptr;
