@@ -29,9 +29,11 @@ void SensorGuard::forget_readings() {
 }
 
 SensorVerdict SensorGuard::check(std::int64_t now_us, const tiller_measurement_t* measurement) {
-  const bool went_back = clocked_ && now_us < now_us_;
-  // a clock that stands still ages nothing: each such tick then counts for a period
-  if (clocked_ && now_us == now_us_) still_us_ += limits_.ahead_us;
+  const std::int64_t back_us = clocked_ && now_us < now_us_ ? elapsed_us(now_us_, now_us) : 0;
+  const bool went_back = back_us > 0, was_set = back_us > limits_.ahead_us;
+  // a clock that stands still or goes back by less than a period ages nothing: each such tick then counts for a period
+  // more than it seems to
+  if (clocked_ && now_us <= now_us_ && !was_set) still_us_ += back_us + limits_.ahead_us;
   now_us_ = now_us;
   clocked_ = true;
 
@@ -56,7 +58,8 @@ SensorVerdict SensorGuard::check(std::int64_t now_us, const tiller_measurement_t
   } else if (verdict.status != tiller_status_no_new_measurement) {
     ++rejected_;
     if (bad_ticks_ < std::numeric_limits<std::uint32_t>::max()) ++bad_ticks_;
-    verdict.lost = bad_ticks_ >= limits_.bad_ticks_to_safe;
+    // whatever was measured is of unknown age, and silence from here on would begin anew
+    verdict.lost = was_set || bad_ticks_ >= limits_.bad_ticks_to_safe;
   }
   if (stale(now_us)) {
     // a rejection keeps its own reason: it is why nothing fresh came in
@@ -156,11 +159,8 @@ bool SensorGuard::repeated(const tiller_measurement_t& measurement) const {
 
 bool SensorGuard::stale(std::int64_t now_us) const {
   if (!started_) return false;
-  for (std::uint32_t i = 0; i < limits_.count; ++i) {
-    const std::int64_t age_us = elapsed_us(now_us, seen_us_[i]);
-    // a clock that was set back leaves an age below zero, which no silence would bring to the timeout
-    if (age_us > limits_.timeout_us - still_us_ || age_us < -limits_.ahead_us) return true;
-  }
+  for (std::uint32_t i = 0; i < limits_.count; ++i)
+    if (elapsed_us(now_us, seen_us_[i]) > limits_.timeout_us - still_us_) return true;
   return false;
 }
 

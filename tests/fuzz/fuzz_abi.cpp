@@ -3,7 +3,7 @@
 // then steps of a call and its arguments. What is promised (tiller.h) is checked after every call.
 //
 // Controllers are as small as the ranges of config.def allow, settings are chosen by name out of these ranges, and a
-// program ends after kLongestLife calls: a life takes a tenth of a millisecond, so that 1e7 of them are hours.
+// program ends after kLongestLife calls: a life takes a third of a millisecond without sanitizers.
 #include <algorithm>
 #include <cmath>
 #include <cstring>
@@ -168,7 +168,7 @@ class Life {
     if (t_ == nullptr) return;
     memory_ = aligned;
     size_ = size;
-    safe_ = moving_ = armed_ = false;
+    safe_ = moving_ = armed_ = ticked_ = set_back_ = false;
   }
 
   /// Whether the call was accepted.
@@ -233,6 +233,10 @@ class Life {
                                         static_cast<std::uint64_t>(kSteps_us[pace % 8]));
     const std::uint8_t kind = input.byte();
     if (kind == 255) now_us_ = static_cast<std::int64_t>(input.long_word());
+    const double period_us = config_.period_s * 1e6 + 1.0;
+    set_back_ = ticked_ && static_cast<double>(static_cast<__int128>(ticked_us_) - now_us_) > period_us;
+    ticked_us_ = now_us_;
+    ticked_ = true;
     tiller_measurement_t m;
     std::memset(&m, 0, sizeof m);
     m.stamp_us = kind % 16 == 1 ? static_cast<std::int64_t>(input.long_word()) : now_us_;
@@ -255,13 +259,13 @@ class Life {
     judge(command, may_begin);
   }
 
-  /// Whether anything was given to this tick or one before it that is neither older than the timeout nor, but for a
-  /// period, of the future.
+  /// Whether anything was given to this tick or one before it that is neither older than the timeout nor more of the
+  /// future than small steps back of the clock make of it, which count as silence.
   bool has_fresh_reading() const {
     const double longest_us = config_.safety.sensor_timeout_s * 1e6 + 1.0, ahead_us = config_.period_s * 1e6 + 1.0;
     return std::any_of(stamps_.begin(), stamps_.end(), [&](std::int64_t stamp_us) {
       const double age_us = static_cast<double>(static_cast<__int128>(now_us_) - stamp_us);
-      return age_us <= longest_us && age_us >= -ahead_us;
+      return age_us <= longest_us && age_us >= -ahead_us - longest_us;
     });
   }
 
@@ -275,6 +279,7 @@ class Life {
     if (!moving) fuzz::require(u == config_.safety.safe_command[0], "at rest the safe command goes out");
     if (!armed_) fuzz::require(!moving, "nothing moves before it is armed");
     if (moving) fuzz::require(has_fresh_reading(), "nothing moves on stale readings");
+    if (moving) fuzz::require(!set_back_, "nothing moves at the tick whose clock was set back");
     if (moving && !moving_) fuzz::require(may_begin, "motion begins with a measurement");
     if (safe_) fuzz::require(command.state == tiller_state_safe, "SAFE is left by reset alone");
     safe_ = command.state == tiller_state_safe;
@@ -299,6 +304,8 @@ class Life {
   double angle_ = 0.1, last_ = 0.0;
   int layouts_ = 0;
   bool safe_ = false, moving_ = false, armed_ = false;
+  bool ticked_ = false, set_back_ = false;  // by this controller; by more than a period since its last tick
+  std::int64_t ticked_us_ = 0;
 };
 
 }  // namespace

@@ -189,7 +189,8 @@ TEST(Mcap, TheSummaryOfALongLogHasEveryChunk) {
     writer.add_message(channel, static_cast<std::uint32_t>(k), k, "x");
     writer.close_chunk();
   }
-  EXPECT_FALSE(std::filesystem::exists(folder / ".tiller")) << "what is put aside has no name";
+  const std::filesystem::directory_iterator files(folder / ""), end;
+  EXPECT_EQ(std::distance(files, end), 1) << "what is put aside has no name";
   ASSERT_TRUE(writer.close());
   const std::string bytes = bytes_of(path);
   mcap::Cursor footer(bytes.data() + bytes.size() - 37, 37);
@@ -220,16 +221,27 @@ TEST(Mcap, TheSummaryOfALongLogHasEveryChunk) {
   EXPECT_GT(size, 2 * SpillFile::kPiece) << "else nothing was put aside";
 }
 
-/// The place for it cannot be had: the log is whole, and readers scan it.
-TEST(SpillFile, WithoutAPlaceItGivesUpAndSaysSo) {
-  SpillFile file;
-  file.open("/proc/none");
-  const std::string piece(SpillFile::kPiece, 'x');
-  EXPECT_TRUE(file.append(piece)) << "the memory holds a megabyte";
-  EXPECT_FALSE(file.append(piece));
-  EXPECT_FALSE(file.append("x"));
-  EXPECT_FALSE(file.whole());
-  EXPECT_FALSE(file.each([](const std::string&) { FAIL() << "nothing is held"; }));
+/// The place for it cannot be had: it waits for one, and gives up where too much waits.
+TEST(SpillFile, WithoutAPlaceItWaitsThenGivesUpAndSaysSo) {
+  const Folder folder;
+  const std::string place = folder / "place", piece(SpillFile::kPiece / 2, 'x');
+  for (const bool comes : {true, false}) {
+    SpillFile file;
+    file.open(place);
+    std::uint64_t size = 0;
+    while (size < SpillFile::kWaiting) {
+      ASSERT_TRUE(file.append(piece)) << size;
+      size += piece.size();
+    }
+    if (comes) std::filesystem::create_directory(place);
+    EXPECT_EQ(file.append(piece), comes);
+    EXPECT_EQ(file.whole(), comes);
+    std::uint64_t read = 0;
+    EXPECT_EQ(file.each([&](const std::string& bytes) { read += bytes.size(); }), comes);
+    EXPECT_EQ(read, comes ? size + piece.size() : 0);
+    EXPECT_EQ(file.append("x"), comes);
+    std::filesystem::remove(place);
+  }
 }
 
 TEST(WholeFile, WhatTheMemoryDoesNotHoldIsRefusedWithFigures) {

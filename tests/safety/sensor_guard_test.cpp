@@ -197,14 +197,31 @@ TEST(SensorGuard, CallersClockGoingBackIsSeenEvenWithoutAReading) {
 }
 
 // Requirement: SR-7, SR-12
-TEST(SensorGuard, AnAgeBelowZeroIsLostAtOnceBecauseNoSilenceWouldEndIt) {
+TEST(SensorGuard, AClockSetBackByMoreThanAPeriodIsLostAtOnceHoweverOldTheReadings) {
+  for (const std::int64_t age_us : {std::int64_t{0}, 2 * kPeriod_us, -kPeriod_us}) {  // of the last reading
+    Bench within, beyond;
+    (void)within.at(10 * kPeriod_us, reading(10 * kPeriod_us - age_us, 0.0, 0.0));
+    (void)beyond.at(10 * kPeriod_us, reading(10 * kPeriod_us - age_us, 0.0, 0.0));
+    EXPECT_FALSE(within.nothing(9 * kPeriod_us).lost) << age_us;
+    const SensorVerdict v = beyond.nothing(9 * kPeriod_us - 1);
+    EXPECT_EQ(v.status, tiller_status_time_backwards) << age_us;
+    EXPECT_TRUE(v.lost) << age_us;
+  }
+}
+
+// Requirement: SR-7
+TEST(SensorGuard, SmallStepsBackDoNotHideSilence) {
   Bench b;
-  (void)b.at(10 * kPeriod_us, 0.0, 0.0);
-  EXPECT_FALSE(b.nothing(9 * kPeriod_us).lost) << "a period is the skew of a stamp";
-  const SensorVerdict v = b.nothing(9 * kPeriod_us - 1);
-  EXPECT_EQ(v.status, tiller_status_time_backwards);
-  EXPECT_TRUE(v.lost);
-  EXPECT_TRUE(b.nothing(9 * kPeriod_us - 1).lost) << "and stays so on the clock that goes on from there";
+  std::int64_t now_us = 10 * kPeriod_us, silent_us = 0;
+  (void)b.at(now_us, 0.0, 0.0);
+  bool lost = false;
+  for (int k = 0; !lost && k < 100; ++k) {  // ahead by a period, and back by most of it, a quarter of a period later
+    now_us += k % 2 == 0 ? kPeriod_us : -3 * kPeriod_us / 4;
+    silent_us += k % 2 == 0 ? kPeriod_us : kPeriod_us / 4;
+    lost = b.nothing(now_us).lost;
+  }
+  EXPECT_TRUE(lost);
+  EXPECT_LE(silent_us, 100000 + 2 * kPeriod_us);
 }
 
 TEST(SensorGuard, ExtremeStampsDoNotOverflow) {

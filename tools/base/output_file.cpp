@@ -170,8 +170,12 @@ void OutputFile::rescue() {
     message_ = failure_ + "; the log there is incomplete, a complete one is " + copy;
   } else {
     if (to >= 0 && !saved) ::unlink(copy.c_str());
-    message_ = failure_ + "; the log is incomplete: free space, or name another folder, and run again" +
-               (saved ? "; what could be kept is in " + copy : std::string());
+    message_ =
+        failure_ + "; the log is incomplete: free space, or name another folder, and run again" +
+        (saved              ? "; what could be kept is in " + copy
+         : to >= 0 && !room ? "; half of what is free in " + folder.string() + " does not hold a copy of " +
+                                  std::to_string((written_ + pending_.size()) >> 20) + " MB (TMPDIR names another)"
+                            : std::string());
   }
 }
 

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstdlib>
+#include <new>
 
 namespace tiller::tools {
 namespace {
@@ -40,7 +41,11 @@ bool SpillFile::spill() {
   for (std::size_t done = 0; done < recent_.size();) {
     const ssize_t taken = ::write(descriptor_, recent_.data() + done, recent_.size() - done);
     if (taken < 0 && errno == EINTR) continue;
-    if (taken <= 0) return false;
+    if (taken <= 0) {  // the next call writes all of it again
+      (void)::ftruncate(descriptor_, static_cast<off_t>(in_file_));
+      (void)::lseek(descriptor_, static_cast<off_t>(in_file_), SEEK_SET);
+      return false;
+    }
     done += static_cast<std::size_t>(taken);
   }
   in_file_ += recent_.size();
@@ -50,8 +55,13 @@ bool SpillFile::spill() {
 
 bool SpillFile::append(const std::string& bytes) {
   if (failed_) return false;
-  if (!recent_.empty() && recent_.size() + bytes.size() > kPiece && !spill()) return fail();
-  recent_ += bytes;
+  const bool full = !recent_.empty() && recent_.size() + bytes.size() > kPiece;
+  if (full && !spill() && recent_.size() + bytes.size() > kWaiting) return fail();
+  try {
+    recent_ += bytes;
+  } catch (const std::bad_alloc&) {  // what a run may lock in memory is limited
+    return fail();
+  }
   size_ += bytes.size();
   return true;
 }

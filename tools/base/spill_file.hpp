@@ -17,14 +17,15 @@ class SpillFile {
   SpillFile& operator=(const SpillFile&) = delete;
 
   void open(const std::string& folder) { folder_ = folder; }
-  /// False: the disk refuses, now or at an earlier call. Nothing is held any more then.
+  /// While the disk refuses, up to kWaiting bytes wait in memory. False: there are more, or the memory is used up, now
+  /// or at an earlier call. Nothing is held any more then. Never throws.
   bool append(const std::string& bytes);
   bool whole() const { return !failed_; }
   std::uint64_t size() const { return size_; }
-  /// Calls `take` with one piece after another, of a megabyte at most. False: not everything could be read.
+  /// Calls `take` with one piece after another. False: not everything could be read.
   bool each(const std::function<void(const std::string&)>& take) const;
 
-  static constexpr std::size_t kPiece = std::size_t{1} << 20;
+  static constexpr std::size_t kPiece = std::size_t{1} << 20, kWaiting = std::size_t{16} << 20;
 
  private:
   bool spill();

@@ -14,6 +14,20 @@
 
 namespace tiller::tools {
 
+namespace {
+
+/// What the container allows, of control groups version 2 or 1. What it uses already is not taken off: most of that is
+/// files that were read, which make room.
+std::uint64_t container_bytes() {
+  for (const char* path : {"/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"}) {
+    std::uint64_t bytes = 0;
+    if (std::ifstream(path) >> bytes) return bytes;  // "max": no limit
+  }
+  return std::numeric_limits<std::uint64_t>::max();
+}
+
+}  // namespace
+
 std::uint64_t free_memory_bytes() {
   std::ifstream file("/proc/meminfo");
   std::uint64_t bytes = std::numeric_limits<std::uint64_t>::max(), value = 0;
@@ -25,7 +39,7 @@ std::uint64_t free_memory_bytes() {
   rlimit most{};  // a limit of the process (ulimit -v) as well
   if (getrlimit(RLIMIT_AS, &most) == 0 && most.rlim_cur != RLIM_INFINITY)
     bytes = std::min<std::uint64_t>(bytes, most.rlim_cur);
-  return bytes;
+  return std::min(bytes, container_bytes());
 }
 
 std::string too_large_for_memory(const std::string& path, std::uint64_t size, std::uint64_t free) {
@@ -51,7 +65,8 @@ bool read_whole_file(const std::string& path, std::string& bytes, std::string& e
   char piece[1 << 16];
   while (file.read(piece, sizeof piece) || file.gcount() > 0)
     bytes.append(piece, static_cast<std::size_t>(file.gcount()));
-  return true;
+  if (file.bad()) error = path + ": cannot be read to its end: " + std::strerror(errno);
+  return error.empty();
 }
 
 }  // namespace tiller::tools

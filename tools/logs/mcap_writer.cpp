@@ -147,13 +147,17 @@ std::string McapWriter::data_end() const { return record(mcap::kDataEnd, Bytes()
 
 /// Groups of records, behind them where each group stands, and the footer: its CRC covers all that and the footer up to
 /// the CRC itself, its opcode and length too.
-void McapWriter::write_summary() {
+///
+/// False: something of it was refused, and nothing after that is written. A footer would point to what is not there;
+/// without one, readers scan the file.
+bool McapWriter::write_summary() {
   const std::uint64_t start = position_ + data_end().size();
+  bool good = file_.write(data_end());
   std::uint64_t size = 0;
   std::uint32_t crc = 0;
   std::string offsets;
   const auto put = [&](const std::string& bytes) {
-    (void)file_.write(bytes);
+    good = good && file_.write(bytes);
     crc = crc_of(bytes, crc);
     size += bytes.size();
   };
@@ -171,10 +175,11 @@ void McapWriter::write_summary() {
   group(mcap::kStatistics, {statistics()});
   if (chunk_indexes_.whole()) {  // else readers scan the file, as one that has no end
     begin(mcap::kChunkIndex, chunk_indexes_.size());
-    (void)chunk_indexes_.each([&](const std::string& piece) {
+    const bool read = chunk_indexes_.each([&](const std::string& piece) {
       put(piece);
       file_.flush();
     });
+    good = good && read;
   }
   std::vector<std::string> indexes;
   for (const Named& a : attachments_) {
@@ -189,16 +194,15 @@ void McapWriter::write_summary() {
   group(mcap::kMetadataIndex, indexes);
   const std::uint64_t offset_start = start + size;
   put(offsets);
-  put(Bytes().u8(mcap::kFooter).u64(20).u64(start).u64(offset_start).get());
-  (void)file_.write(Bytes().u32(crc).raw(mcap::magic()).get());
+  const std::string footer = Bytes().u8(mcap::kFooter).u64(20).u64(start).u64(offset_start).get();
+  return good && file_.write(footer + Bytes().u32(crc_of(footer, crc)).raw(mcap::magic()).get());
 }
 
 bool McapWriter::close() {
   close_chunk();
   file_.set_tail("");
-  (void)file_.write(data_end());
-  write_summary();
-  return file_.close();
+  const bool whole = write_summary();
+  return file_.close() && whole;
 }
 
 }  // namespace tiller::tools

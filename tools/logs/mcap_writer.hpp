@@ -53,7 +53,7 @@ class McapWriter {
 
   bool append(const std::string& bytes);
   std::string data_end() const;
-  void write_summary();
+  bool write_summary();
   std::string statistics() const;
 
   OutputFile file_;
